@@ -159,6 +159,87 @@ def test_what_is_there_already_is_left_and_gives_its_neighbours_their_halo(tmp_p
         assert {path: path.read_bytes() for path in sorted((tmp_path / "out").iterdir())} == at_once
 
 
+WORDS = (
+    "--together",
+    "--outliers",
+    "include",
+    "--method",
+    "beltrami",
+    "--contrast",
+    "5",
+    "--time",
+    "900",
+    "--noise",
+    "2",
+)
+
+
+def survey(folder, out, *more):
+    words = ["smooth", str(folder), "--output", str(out), *WORDS, *more]
+    return CliRunner().invoke(app, words, env={"COLUMNS": "200"})
+
+
+def contents(folder):
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+def replaced(path, **odd):
+    """Another tile in the place of one."""
+    with rasterio.open(path) as tile:
+        profile, samples = {"transform": tile.transform, **odd}, tile.read(1)
+    make(path, profile.pop("of", lambda samples: samples)(samples), nodata=-9999, **profile)
+
+
+@pytest.mark.parametrize(
+    ("first", "more", "said"),
+    [
+        (lambda path: path.unlink(), (), "other tiles or options"),
+        (lambda path: replaced(path, crs="EPSG:32633"), (), "other tiles or options"),
+        (lambda path: replaced(path, of=lambda z: z + 1), (), "other tiles or options"),
+        (lambda path: None, ("--contrast", "4"), "another contrast"),
+        (lambda path: None, ("--outliers", "keep"), "other tiles or options"),
+        (lambda path: None, ("--co", "COMPRESS=LZW"), "other tiles or options"),
+    ],
+    ids=["missing", "refused", "changed", "contrast", "outliers", "compressed"],
+)
+def test_a_run_that_is_resumed_writes_the_files_of_one_run(first, more, said, tmp_path):
+    tiled(tmp_path / "in", heights())
+    assert survey(tmp_path / "in", tmp_path / "one").exit_code == 0
+    first(tmp_path / "in" / "t30_30.tif")
+    survey(tmp_path / "in", tmp_path / "out", *more)
+    count = len(contents(tmp_path / "out"))
+    assert contents(tmp_path / "out") != contents(tmp_path / "one")
+    tiled(tmp_path / "in", heights())
+    again = survey(tmp_path / "in", tmp_path / "out", "--resume")
+    assert again.exit_code == 0, again.output
+    assert again.stderr.count(f"what was there was made with {said}, and is written again") == count
+    assert contents(tmp_path / "out") == contents(tmp_path / "one")
+
+
+def test_what_meshflow_did_not_write_is_refused_where_a_run_is_resumed(tmp_path):
+    paths = tiled(tmp_path / "in", heights())
+    (tmp_path / "out").mkdir()
+    theirs = [tmp_path / "out" / "t0_0.tif", make(tmp_path / "out" / "t30_30.tif", heights())]
+    theirs[0].write_bytes(b"no raster")
+    before = [path.read_bytes() for path in theirs]
+    done = survey(tmp_path / "in", tmp_path / "out", "--resume")
+    assert done.exit_code == 1
+    assert done.stderr.count(".tif exists; name another file") == 2
+    assert [path.read_bytes() for path in theirs] == before
+    assert len(contents(tmp_path / "out")) == len(paths)
+
+
+def test_a_run_that_is_resumed_keeps_files_whatever_memory_threads_and_driver_it_has(tmp_path):
+    tiled(tmp_path / "in", heights())
+    driver = ("--of", "COG")
+    assert survey(tmp_path / "in", tmp_path / "out", "--memory", "300MB", *driver).exit_code == 0
+    before = contents(tmp_path / "out")
+    again = survey(tmp_path / "in", tmp_path / "out", "--memory", "1GB", "--threads", "1", "--resume", *driver)
+    assert again.exit_code == 0, again.output
+    assert again.stdout.count("done before") == len(before)
+    assert contents(tmp_path / "out") == before
+
+
 def test_the_lattice_is_that_of_most_tiles_whatever_their_names(tmp_path):
     z = heights()
     paths = tiled(tmp_path / "in", z)

@@ -1,6 +1,7 @@
 """``meshflow smooth`` of a raster or a volume that does not fit into the memory that it may take."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -105,8 +106,8 @@ def _words(source: Path, options: ReadOptions) -> tuple[str, ...]:
     return volume_words() if _is_volume(source, options) else words_for(points=False)
 
 
-def tiles_together(given: Given, pairs: Sequence[tuple[Path, Path | None]]) -> Iterator[tuple[Path, Told | Exception]]:
-    """Smooth the tiles of a survey with one choice; each with what is said of it, or its refusal.
+def tiles_together(given: Given, pairs: Sequence[tuple[Path, Path]]) -> Iterator[tuple[Path, Told | Exception | None]]:
+    """Smooth the tiles of a survey with one choice; each with what is said of it, or its refusal; None: it is done already.
 
     :raises InputError: for options that need the whole.
     """
@@ -118,10 +119,10 @@ def tiles_together(given: Given, pairs: Sequence[tuple[Path, Path | None]]) -> I
     options.must_belong("a raster of several", ("kind", "band", "nodata", "spacing", "crs", "unit", "allow_remote"))
     request = asked(given, plain_sample, suiting)
     memory = SHARE * free_memory() if given["most_memory"] is None else bytes_in(given["most_memory"])
-    writing = _output(given, memory)
+    writing = replace(_output(given, memory), resume=given["resume"])
     said = narrowed(request, word, suiting)
     for path, found in smooth_together(pairs, request, options, writing):
-        if isinstance(found, Exception):
+        if found is None or isinstance(found, Exception):
             yield path, found
         else:
             yield path, Told(found, (*said, *found.notes, *(one for one in found.warnings if one not in found.notes)))

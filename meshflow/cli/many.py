@@ -53,8 +53,8 @@ class Told:
     pictured: tuple[Any, Any] | None = None
 
 
-# Smooths tiles, pairs of paths (None: nothing is written for it), and tells each or refuses it.
-Together = Callable[[Given, Sequence[tuple[Path, Path | None]]], Iterator[tuple[Path, Told | Exception]]]
+# Smooths tiles, pairs of paths, and tells each or refuses it; None: it is done already.
+Together = Callable[[Given, Sequence[tuple[Path, Path]]], Iterator[tuple[Path, Told | Exception | None]]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,12 +186,12 @@ def _tiles(given: Given, work: Sequence[_Work], together: Together) -> Iterator[
     """The lines of the tiles of a survey."""
     targets = {one.source: one.target for one in work if isinstance(one.target, Path)}
     yield from (Line(one.source, None, why=one.target) for one in work if isinstance(one.target, str))
-    done = {source for source, target in targets.items() if given["resume"] and target.exists()}
-    yield from (Line(source, targets[source], skipped=True) for source in sorted(done))
     begun = monotonic()
-    pairs = [(source, None if source in done else target) for source, target in targets.items()]
-    for source, found in together({**given, "overwrite": given["overwrite"] and not given["resume"]}, pairs):
-        if isinstance(found, Told):
+    own = {**given, "overwrite": given["overwrite"] and not given["resume"]}
+    for source, found in together(own, list(targets.items())):
+        if found is None:
+            yield Line(source, targets[source], skipped=True)
+        elif isinstance(found, Told):
             yield Line(source, targets[source], found, seconds=monotonic() - begun)
         else:
             yield Line(source, targets[source], why=_reason(found))

@@ -46,7 +46,12 @@ ALL: tuple[Flag, ...] = (
         "seams.",
         OUTPUT,
     ),
-    _yes("resume", "With --output: skip files that exist in the output folder.", OUTPUT),
+    _yes(
+        "resume",
+        "With --output: skip files that exist in the output folder. With --together, those that were made of the same "
+        "tiles with the same options; others are written again.",
+        OUTPUT,
+    ),
     Flag("jobs", int, "With --output: number of files processed at the same time. They share the threads.", OUTPUT, 1),
     Flag("every", int, "Coarsening: keep every n-th row and column.", OUTPUT, 1),
     Flag("one_method", str | None, "Print the options of this method only.", metavar="METHOD"),

@@ -33,6 +33,7 @@ class Output:
     :ivar budget: the memory.
     :ivar dtype: number type of the samples, or ``source``; None: floating point.
     :ivar overwrite: replace an existing file.
+    :ivar resume: of the tiles of a survey: keep a file that this run would write so, and replace one of another run.
     :ivar driver: of GDAL; None: that of the extension. ``creation``: its creation options.
     :ivar removed: of a second raster, with what was removed; None: there is none.
     :ivar uncertainty: of one with the expected error of each sample.
@@ -45,6 +46,7 @@ class Output:
     creation: Mapping[str, str] = field(default_factory=dict)
     removed: Path | None = None
     uncertainty: Path | None = None
+    resume: bool = False
 
     @property
     def sides(self) -> dict[str, Path]:

@@ -1,8 +1,8 @@
 """Smooths a raster file by windows: it is read, run and written in a bounded memory."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -192,12 +192,14 @@ class Sheet:
     :ivar grid: the file itself, or all files of a survey.
     :ivar place: of the file in the grid.
     :ivar block: the window that holds it and its neighbours; None: it is run by windows of its own.
+    :ivar tags: of what is written for it, beside those of the run.
     """
 
     file: Gridded
     grid: Source
     place: Window
     block: Block | None = None
+    tags: Mapping[str, str] = field(default_factory=dict)
 
     def windows(self, sides: tuple[int, ...]) -> list[Window]:
         """By which the file is written.
@@ -225,7 +227,7 @@ def written(sheet: Sheet, run: Run, target: Path, writing: Output, progress: Pro
     outcome = Outcome(run.found, len(windows), removed, legs=run.legs)
     clipped: dict[str, int] = {}
     with ExitStack() as stack, reporting(progress, f"smoothing by {len(windows)} windows") as report:
-        tags = {f"meshflow:{name}": word for name, word in outcome.tags.items()}
+        tags = {f"meshflow:{name}": word for name, word in {**outcome.tags, **sheet.tags}.items()}
         into = Written.opened(stack, (target, stored, reader.layout), writing, threads, tags)
         sides = opened_beside(stack, reader, writing, threads, tags)
         for i, window in enumerate(windows):

@@ -1,6 +1,6 @@
 """Smooths the tiles of a survey with one choice: by their georeference, neighbours supply the halo of each."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -19,6 +19,7 @@ from meshflow.large.memory import Room
 from meshflow.large.outcome import Outcome
 from meshflow.large.outputs import Output
 from meshflow.large.rasters import Sheet, written
+from meshflow.large.resuming import DEPENDS, digest_of, unlike
 from meshflow.large.running import Block, Run, at_the_last_leg
 from meshflow.large.sample import ENOUGH, sample_of
 from meshflow.large.source import Form, Window, within
@@ -61,16 +62,16 @@ class Survey:
 
 def smooth_together(
     pairs: Sequence[Pair], request: Request, options: ReadOptions, writing: Output, progress: Progress = None
-) -> Iterator[tuple[Path, Outcome | Exception]]:
+) -> Iterator[tuple[Path, Outcome | Exception | None]]:
     """Smooth the tiles of a survey; together they equal the mosaic, smoothed by the same plan, bit for bit.
 
     The tiles that most of them are like give the lattice. A tile that does not suit it, or cannot be read, is refused, and where
     it lies is then a border for the others. One whose file is there already is refused, and its neighbours take their halo from
-    it.
+    it. Where a run is resumed, such a file is kept if it is what this run would write, and replaced if another run wrote it.
 
-    :param pairs: of paths: each tile, and the GeoTIFF that is written for it; None: it is there for its neighbours.
+    :param pairs: of paths: each tile, and the GeoTIFF that is written for it.
     :param options: of the reader.
-    :returns: the path of each tile, and its outcome or the refusal.
+    :returns: the path of each tile, and its outcome or the refusal; None: its file is kept.
     :raises InputError: for what cannot be done by windows.
     """
     with ExitStack() as stack, request.compute.running():
@@ -88,14 +89,40 @@ def smooth_together(
         room = Room(writing.budget, folder, writing.uncertainty is not None, largest)
         run, bound = lengths_by_all(run, bound, survey, request, room, progress)
         run, bound = stopped_by_all(run, bound, survey, request, room, progress)
+        decisive = bound, request.constraints, writing.options, sorted(tile.identity for tile in tiles)
+        own = {DEPENDS: digest_of(decisive)}
+        tiles, kept = _undone(tiles, {**Outcome(run, 0).tags, **own})
+        yield from dict.fromkeys(kept).items()
+        if not tiles:
+            return
         made = Run.of(bound, run, census, request, room)
         last = stack.enter_context(at_the_last_leg(survey, made, writing.budget, progress))
         fit = writing.window(form, last.leg)
-        for group in grouped([tile for tile in tiles if tile.target is not None], largest, fit):
+        for group in grouped(tiles, largest, fit):
             block = Block(survey, last, _around(group), writing.uncertainty is not None) if len(group) > 1 else None
             for tile in group:
-                own = replace(last, census=tile.census)
-                yield tile.path, _written(tile, Sheet(tile.file, survey, tile.place, block), own, writing, progress)
+                sheet = Sheet(tile.file, survey, tile.place, block, own)
+                yield tile.path, _written(tile, sheet, replace(last, census=tile.census), writing, progress)
+
+
+def _undone(tiles: Sequence[Tile], tags: Mapping[str, str]) -> tuple[list[Tile], list[Path]]:
+    """The tiles that are to be written, and the paths of those whose file is what this run would write.
+
+    :param tags: of this run.
+    """
+    found, kept = list[Tile](), list[Path]()
+    for tile in tiles:
+        if tile.target is None:
+            continue
+        other = None if tile.there is None else unlike(tile.there, tags)
+        if tile.there is None:
+            found.append(tile)
+        elif other is None:
+            kept.append(tile.path)
+        else:
+            note = f"what was there was made with {other}, and is written again"
+            found.append(replace(tile, notes=(*tile.notes, note)))
+    return found, kept
 
 
 def _written(tile: Tile, sheet: Sheet, run: Run, writing: Output, progress: Progress) -> Outcome | Exception:

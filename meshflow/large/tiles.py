@@ -1,16 +1,18 @@
 """Opens the tiles of a survey, and finds where each lies in the lattice that they have in common."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
+from zlib import crc32
 
+import numpy as np
 from rasterio.transform import Affine
 
 from meshflow.errors import InputError
 from meshflow.geometry.validation import Array
-from meshflow.io.formats.raster_windows import raster_read
+from meshflow.io.formats.raster_windows import raster_read, tags_of_run
 from meshflow.io.formats.rasters import spacing_in
 from meshflow.io.metadata import ReadOptions
 from meshflow.large.census import Census, Counted, counted_in
@@ -20,8 +22,8 @@ from meshflow.large.source import Form, Window, moved_by
 
 __all__ = ["Pair", "Tile", "common", "gathered"]
 
-# A raster, and what is written for it; None: nothing, it is there for its neighbours.
-Pair = tuple[Path, Path | None]
+# A raster, and what is written for it.
+Pair = tuple[Path, Path]
 # How far a tile may lie beside the lattice of the first one, in samples; relative difference of their transforms.
 OFF, ROUNDING = 1e-3, 1e-6
 
@@ -33,6 +35,8 @@ class Tile:
     :ivar target: what is written for it; None: nothing, it is there for its neighbours.
     :ivar place: its window of the survey.
     :ivar census: its own; ``counts``: of its bands of rows, as parts of the survey.
+    :ivar digest: of its samples and those that are missing.
+    :ivar there: the tags of the file of another run that lies at its target; None: none does.
     """
 
     path: Path
@@ -41,7 +45,16 @@ class Tile:
     place: Window
     census: Census
     counts: tuple[Counted, ...]
+    digest: tuple[int, int]
     notes: tuple[str, ...] = ()
+    there: Mapping[str, str] | None = None
+
+    @property
+    def identity(self) -> tuple[object, ...]:
+        """Which samples it holds, and where they lie."""
+        frame = self.file.reader.frame
+        ends = [(part.start, part.stop) for part in self.place]
+        return ends, self.digest, tuple(frame.transform), "" if frame.crs is None else frame.crs.to_wkt()
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,12 +62,14 @@ class _Opened:
     """A raster of which no sample was read yet.
 
     :ivar origin: row and column of its first sample in the lattice of the first one, once that is known.
+    :ivar there: the tags of the file of another run that lies at its target.
     """
 
     path: Path
     target: Path | None
     file: Gridded
     notes: tuple[str, ...]
+    there: Mapping[str, str] | None = None
     origin: tuple[int, int] = (0, 0)
 
     @property
@@ -73,14 +88,14 @@ def gathered(
     The tiles that most of them are like give the lattice. The grid is None where nothing is to be written.
     """
     found, refused = list[_Opened](), dict[Path, Exception]()
-    for path, target in pairs:
+    for path, wanted in pairs:
+        target, there = wanted, None
         try:
-            if target is not None:
-                must_be_writable(target, writing)
+            there = _there(wanted, writing)
         except (InputError, OSError) as refusal:
             refused[path], target = refusal, None
         try:
-            found.append(_opened(stack, path, target, options, writing))
+            found.append(replace(_opened(stack, path, target, options, writing), there=there))
         except (InputError, OSError) as refusal:
             refused.setdefault(path, refusal)
     if all(one.target is None for one in found):
@@ -101,6 +116,16 @@ def gathered(
         except (InputError, OSError) as refusal:
             refused.setdefault(one.path, refusal)
     return form, tiles, refused
+
+
+def _there(target: Path, writing: Output) -> Mapping[str, str] | None:
+    """The tags of a file of meshflow that lies at a target, where a run is resumed; None where it is written in any case.
+
+    :raises FormatError: where it cannot be written.
+    """
+    found = tags_of_run(target) if writing.resume and target.is_file() else {}
+    must_be_writable(target, replace(writing, overwrite=writing.overwrite or bool(found)))
+    return found or None
 
 
 def _opened(stack: ExitStack, path: Path, target: Path | None, options: ReadOptions, writing: Output) -> _Opened:
@@ -175,13 +200,21 @@ def _counted(one: _Opened, form: Form, writing: Output) -> Tile:
     """
     (top, left), (h, w) = one.origin, one.file.form.shape
     place, counts = (slice(top, top + h), slice(left, left + w)), dict[int, Counted]()
+    sums = (0, 0)
 
     def seen(window: Window, values: Array, missing: Array) -> None:
         """Count a band of rows as a part of the survey."""
+        nonlocal sums
         counts[window[0].start] = counted_in(moved_by(window, place), values, missing, form)
+        before = sums if window[0].start else (0, 0)  # the bands come in order, and anew where a mark was found
+        sums = (
+            crc32(np.ascontiguousarray(values).data, before[0]),
+            crc32(np.ascontiguousarray(missing).data, before[1]),
+        )
 
     file, census, more = counted(one.file, writing.budget, None, seen)
-    return Tile(one.path, one.target, file, place, census, tuple(counts.values()), (*one.notes, *more))
+    notes = (*one.notes, *more)
+    return Tile(one.path, one.target, file, place, census, tuple(counts.values()), sums, notes, one.there)
 
 
 def _must_lie_beside(tile: Tile, others: Sequence[Tile]) -> None:

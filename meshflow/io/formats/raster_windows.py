@@ -31,10 +31,12 @@ from meshflow.io.formats.raster_place import Part, Place, as_window, shape_of
 from meshflow.io.incoming import plainly_named
 from meshflow.io.metadata import ReadOptions
 
-__all__ = ["Layout", "RasterReader", "RasterWriter", "raster_read", "raster_written"]
+__all__ = ["Layout", "RasterReader", "RasterWriter", "raster_read", "raster_written", "tags_of_run"]
 
 # Bytes of decoded blocks that GDAL keeps.
 CACHE = 64 << 20
+# What the names of the tags of a run begin with in a file of a driver that copies a GeoTIFF.
+COPIED = "meshflow_"
 
 
 @dataclass(frozen=True)
@@ -191,6 +193,17 @@ def raster_read(path: Path, options: ReadOptions) -> Iterator[RasterReader]:
             last = source.count
             alpha = last if colours[-1] == ColorInterp.alpha and last not in chosen else None
             yield RasterReader(path, source, frame, part, tuple(chosen), alpha, options.nodata)
+
+
+def tags_of_run(path: Path) -> dict[str, str]:
+    """What a raster says of the run of meshflow that wrote it; empty where it is none of meshflow."""
+    with quiet(), plainly_named(path) as named:
+        try:
+            with DatasetReader(str(named), driver=allowed_drivers(named, False)) as source:
+                plain, own = source.tags(), source.tags(ns="meshflow")
+        except (RasterioError, CRSError, CPLE_BaseError, OSError):
+            return {}
+    return {name.removeprefix(COPIED): word for name, word in plain.items() if name.startswith(COPIED)} | own
 
 
 @contextmanager
