@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 import meshflow
 from meshflow.cli.commands import app
-from meshflow.errors import FormatError, InputError
+from meshflow.errors import FormatError, InputError, NotConverged
 from meshflow.io.stores import Place, in_store
 
 xarray = pytest.importorskip("xarray")
@@ -152,6 +152,29 @@ def test_what_cannot_be_done_is_refused_in_one_line_and_nothing_is_written(tmp_p
     with pytest.raises(type(found.exception), match=why):
         raise found.exception
     assert sorted(os.listdir()) == before
+
+
+@pytest.mark.parametrize("words", [(), ("--method", "beltrami", "--contrast", "2", "--time", "90", "--noise", "1")])
+def test_a_store_with_a_chunk_that_cannot_be_decoded_is_refused_in_one_line(tmp_path, monkeypatch, words):
+    made(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    Path("in.zarr/height/c/1/1").write_text("123\n")
+    for found in (run("in.zarr/height", "out.zarr", *words), RUN.invoke(app, ["info", "in.zarr/height"])):
+        assert isinstance(found.exception, FormatError)
+        assert str(found.exception).startswith("in.zarr: a chunk of it cannot be read (")
+        assert "\n" not in str(found.exception)
+    assert os.listdir() == ["in.zarr"]
+
+
+@pytest.mark.parametrize("refusal", [NotConverged("no solution"), InputError("no"), RuntimeError("a fault")])
+def test_what_fails_beside_the_reading_of_a_store_passes_unchanged(tmp_path, monkeypatch, refusal):
+    def fails(*_, **__):
+        raise refusal
+
+    store, _ = made(tmp_path)
+    monkeypatch.setattr("meshflow.large.chunk_graph.smoothed_chunk", fails)
+    assert run(store, tmp_path / "out.zarr", "--method", "quick").exception is refusal
+    assert os.listdir(tmp_path) == ["in.zarr"]
 
 
 def test_a_store_that_is_replaced_is_whole_or_as_it_was(tmp_path, monkeypatch):

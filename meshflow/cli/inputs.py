@@ -14,7 +14,7 @@ from meshflow.io.files import Document, read
 from meshflow.io.formats import stacks, volumes
 from meshflow.io.metadata import ReadOptions
 from meshflow.io.objects import taken_in
-from meshflow.io.stores import in_store, opened_variable
+from meshflow.io.stores import in_store, opened_variable, readable
 from meshflow.io.suffixes import suffix_of
 from meshflow.surfaces.data import array_of
 from meshflow.surfaces.mesh import Mesh
@@ -31,7 +31,9 @@ def opened(path: Path, given: Given) -> Document:
     place = in_store(path)
     if place is None:
         return read(path, **read_options(given))
-    found = taken_in(opened_variable(place).load(), ReadOptions.of(read_options(given)))
+    with readable(place.store):
+        variable = opened_variable(place).load()
+    found = taken_in(variable, ReadOptions.of(read_options(given)))
     return Document(found.data, path, notes=found.notes)
 
 

@@ -2,6 +2,7 @@
 
 from contextlib import ExitStack
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from meshflow.cli.asking import asked, narrowed
@@ -14,7 +15,7 @@ from meshflow.flow.methods import words_for
 from meshflow.flow.progress import Progress, reporting
 from meshflow.io.adapters.xarray import further_dimensions
 from meshflow.io.atomic_write import must_be_free
-from meshflow.io.stores import Delayed, Place, Stored, in_store, opened_store, written_variables
+from meshflow.io.stores import Delayed, Place, Stored, in_store, opened_store, readable, written_variables
 from meshflow.kernels.library import default_threads
 from meshflow.large.outcome import Outcome
 from meshflow.large.stacks import Slices
@@ -55,9 +56,10 @@ def smooth_store(given: Given) -> Told:
         raise InputError(f"{target}: it names a variable, and {source.store} has {len(stored.names)}; name the store")
     word, suiting = given["method"], words_for(points=False)
     request = asked(given, plain_sample, suiting)
-    made, found = _smoothed(stored, source, request, given)
+    with readable(source.store):
+        made, found = _smoothed(stored, source, request, given)
     threads = request.compute.threads or default_threads()
-    computed = _Computed(threads, None if given["quiet"] else True)
+    computed = _Computed(source.store, threads, None if given["quiet"] else True)
     beside = stored.group if len(made) > 1 else None
     written_variables(made, target, beside=beside, overwrite=given["overwrite"], compute=computed)
     return Told(found, (*narrowed(request, word, suiting), *found.warnings))
@@ -96,8 +98,12 @@ def _place(given: Given, name: str) -> Place:
 
 @dataclass(frozen=True)
 class _Computed:
-    """Computes an object of dask with threads, and says how far it is."""
+    """Computes an object of dask with threads, and says how far it is.
 
+    :ivar store: of which chunks are read.
+    """
+
+    store: Path
     threads: int
     progress: Progress
 
@@ -116,4 +122,5 @@ class _Computed:
                 )
 
             stack.enter_context(callbacks.Callback(posttask=told))
+            stack.enter_context(readable(self.store))
             return delayed.compute(scheduler="threads", num_workers=self.threads)

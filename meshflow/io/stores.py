@@ -1,17 +1,21 @@
 """Variables of Zarr stores, ``DATA.zarr`` or ``DATA.zarr/VARIABLE``: read lazily, and written chunk by chunk."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from traceback import walk_tb
 from typing import TYPE_CHECKING, Any, Protocol
 
-from meshflow.errors import FormatError, need
+from meshflow.errors import FormatError, need, said_by
 from meshflow.io.atomic_write import folder_beside, must_be_free
 
 if TYPE_CHECKING:
     from xarray import DataArray, Dataset
 
-__all__ = ["Delayed", "Place", "Stored", "in_store", "opened_store", "opened_variable", "written_variables"]
+__all__ = [
+    "Delayed", "Place", "Stored", "in_store", "opened_store", "opened_variable", "readable", "written_variables",
+]  # fmt: skip
 
 SUFFIX = ".zarr"
 # The attribute that names the variable with the CRS (CF conventions).
@@ -108,11 +112,30 @@ def _opened(store: Path, group: str) -> "Dataset":
     need("dask", "dask")
     if not store.is_dir():
         raise FormatError(f"{store} is no folder; a Zarr store expected")
+    with readable(store):
+        try:
+            return xarray.open_zarr(store, group=group or None, chunks={})
+        except (OSError, ValueError, KeyError) as cause:
+            where = f"{store / group}: " if group else f"{store}: "
+            raise FormatError(f"{where}no Zarr store of xarray ({' '.join(str(cause).split())})") from cause
+
+
+@contextmanager
+def readable(store: Path) -> Iterator[None]:
+    """Say of a store what fails while chunks of it are read; all other failures pass.
+
+    :raises FormatError: it names the store.
+    """
     try:
-        return xarray.open_zarr(store, group=group or None, chunks={})
-    except (OSError, ValueError, KeyError) as cause:
-        where = f"{store / group}: " if group else f"{store}: "
-        raise FormatError(f"{where}no Zarr store of xarray ({' '.join(str(cause).split())})") from cause
+        yield
+    except MemoryError:
+        raise
+    except Exception as cause:  # decoders have many exceptions, none of which is that of all
+        frames = (frame for frame, _ in walk_tb(cause.__traceback__))
+        names = {(frame.f_globals.get("__name__"), frame.f_code.co_name) for frame in frames}
+        if ("xarray.backends.zarr", "__getitem__") not in names:
+            raise
+        raise FormatError(f"{store}: a chunk of it cannot be read ({said_by(cause)}); restore the file") from cause
 
 
 def written_variables(
