@@ -6,6 +6,7 @@ from PIL import Image as Picture
 
 import meshflow
 from meshflow import Beltrami, Mask
+from meshflow.cli.spoken import spoken
 from meshflow.errors import InputError
 
 xarray = pytest.importorskip("xarray")
@@ -43,6 +44,21 @@ def test_each_slice_is_smoothed_as_if_it_were_alone():
         same(done.data.isel(time=i), meshflow.smooth(data.isel(time=i)))
     assert "time=2020-02-01: " in done.summary
     assert set(done.to_dict()["slices"]) == set(done)
+
+
+@pytest.mark.parametrize("chunks", [None, (1, 30, 40)])
+def test_slices_alike_of_unlike_noise_are_warned_of_with_the_factor(chunks):
+    for sigmas, factor in (((1.0, 2.0, 4.0), "4"), ((1.0, 1.3, 1.2), None), ((3.0, 3.0, 1.0, 3.0), "3")):
+        data = stack(sigmas, chunks)
+        found = meshflow.smooth(data, slices="alike", method="quick", result=True)
+        said = [word for word in found.warnings if "the noise of the slices differs" in word]
+        assert len(said) == (factor is not None)
+        for word in said:
+            assert float(word.partition("by a factor of ")[2].split(",")[0]) == pytest.approx(float(factor), rel=0.15)
+            assert "slices='each'" in word
+            assert "--slices each" in spoken(word, refusal=False)
+    given = meshflow.smooth(stack(chunks=chunks), slices="alike", method="quick", noise=1.0, result=True)
+    assert not any("differs" in word for word in given.warnings)
 
 
 @pytest.mark.long
