@@ -261,6 +261,16 @@ def test_a_type_without_a_value_left_for_missing_samples_is_refused(tmp_path):
         write(document, tmp_path / "b.tif", dtype="uint8")
 
 
+def test_another_mark_than_the_declared_one_is_said_where_nothing_is_missing_too(tmp_path):
+    document = read(make(tmp_path / "a.tif", heights(), nodata=-5))
+    z = document.data.z.copy()
+    assert write(document, tmp_path / "b.tif") == ()
+    z[0, 0] = -5
+    assert write(document.holding(replace(document.data, z=z)), tmp_path / "c.tif") == (
+        "missing samples are marked by nodata -9999",
+    )
+
+
 # --- ASCII grids
 
 

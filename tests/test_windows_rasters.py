@@ -144,6 +144,39 @@ def test_so_it_is_for_other_flows_masks_and_types(asked, dtype, tmp_path):
     alike(*both(path, asked, dtype)[:2])
 
 
+@pytest.mark.parametrize(
+    ("kind", "dtype", "declared", "mark"),
+    [
+        ("float32", None, 200.0, -9999.0),
+        ("float32", None, 1e4, 1e4),
+        ("int16", "source", 200.0, -9999.0),
+        ("uint8", "source", 110.0, 255.0),
+        ("float64", None, -9999.0, np.nan),
+    ],
+)
+def test_a_mark_of_missing_samples_that_smoothed_ones_may_have_is_replaced_before_the_run(
+    kind, dtype, declared, mark, tmp_path
+):
+    z = heights(level=100.0 if kind == "uint8" else 0.0 if kind == "float64" else 200.0)
+    z = np.where(np.abs(z - declared) < 0.7, declared, z * (1e3 if kind == "float64" else 1.0)).astype(kind)
+    path, out = make(tmp_path / "in.tif", z), tmp_path / "out.tif"
+    outcome = smooth_raster(path, out, request(), ReadOptions.of({"nodata": declared}), Output(SMALL, dtype))
+    with rasterio.open(out) as written:
+        assert np.array_equal(written.nodata, mark, equal_nan=True)
+        assert np.count_nonzero(written.read_masks() == 0) == np.count_nonzero(z == declared)
+    assert (f"missing samples are marked by nodata {mark:g}" in outcome.notes) == (mark != declared)
+
+
+def test_where_no_mark_is_left_it_is_refused_before_the_run(tmp_path, monkeypatch):
+    z = heights("uint8", level=100.0)
+    z[0, 0, :2] = 0, 255
+    path = make(tmp_path / "in.tif", z)
+    monkeypatch.setattr("meshflow.large.rasters.windowed", None)
+    with pytest.raises(FormatError, match="uint8 has no value left to mark them; write dtype='float32'"):
+        smooth_raster(path, tmp_path / "out.tif", request(), ReadOptions.of({"nodata": 110.0}), Output(SMALL, "source"))
+    assert [file.name for file in tmp_path.iterdir()] == ["in.tif"]
+
+
 def test_overviews_and_tags_of_the_source_are_kept(tmp_path):
     path = make(tmp_path / "in.tif", heights(), tags={"SURVEY": "spring"})
     with rasterio.open(path, "r+") as raster:

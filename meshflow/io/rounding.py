@@ -50,18 +50,23 @@ def mark(samples: Array, frame: Frame, dtype: np.dtype) -> float | None:
 
 
 def mark_outside(declared: float | None, ends: tuple[float, float], dtype: np.dtype) -> float:
-    """A value for missing samples of data that is written by parts: that of the file, else one beyond the other samples.
+    """A value for missing samples of data that is written by parts: that of the file, else the usual ones, where they lie beyond
+    the other samples.
 
     :param declared: by the file.
-    :param ends: the least and the greatest sample.
+    :param ends: the least and the greatest sample before they are smoothed.
     :raises FormatError: when there is none.
     """
     low, high = ends
-    for candidate in _candidates(declared, dtype):
-        if candidate is None or not _fits(candidate, dtype):
-            continue
-        if candidate == declared or not low - (high - low) <= candidate <= high + (high - low):
-            return float(dtype.type(candidate))
+    step = 0.0 if dtype.kind == "f" else 0.5  # samples between whole numbers come to those next to them
+    # What the file does not ask for lies far outside if it can: smoothed samples may lie beyond the ends.
+    for far in (high - low, step):
+        for candidate in _candidates(declared, dtype):
+            if candidate is None or not _fits(candidate, dtype):
+                continue
+            beyond = step if candidate == declared else far
+            if not low - beyond <= candidate <= high + beyond:
+                return float(dtype.type(candidate))
     raise FormatError(f"samples are missing and {dtype} has no value left to mark them; write dtype='float32'")
 
 

@@ -171,7 +171,7 @@ def stored_as(reader: RasterReader, census: Census, path: Path, writing: Output)
         return Stored(frame, kind, None), notes
     ends = frame.stored(census.ends[:, None, :])
     nodata = mark_outside(marking(frame.nodata, driver), (float(ends.min()), float(ends.max())), kind)
-    if some_gone and nodata != frame.nodata and not (np.isnan(nodata) and np.isnan(frame.nodata or 0.0)):
+    if nodata != frame.nodata and not (np.isnan(nodata) and np.isnan(frame.nodata or 0.0)):
         notes += (f"missing samples are marked by nodata {nodata:g}",)
     return Stored(frame, kind, nodata), notes
 

@@ -86,6 +86,9 @@ def smooth_raster(
         source, notes = gridded(opened, options)
         must_be_stored(opened, target, writing)
         source, census, more = counted(source, writing.budget, progress)
+        stored_as(
+            source.reader, census, target, writing
+        )  # where no value is left for missing samples, it is refused now
         sample = sample_of(source, writing.budget.sample(source.form, ENOUGH))
         _must_be_alike(source, sample, options)
         run = windowed(source.form, sample, request)

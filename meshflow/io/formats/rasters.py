@@ -143,8 +143,8 @@ def write(document: Document, path: Path, options: WriteOptions) -> tuple[str, .
     if nodata is not None and frame.gone.any():
         samples = samples.copy() if np.shares_memory(samples, values) else samples
         samples[frame.gone] = nodata
-        if frame.gone.any() and not _alike(nodata, frame.nodata):
-            notes += (f"missing samples are marked by nodata {nodata:g}",)
+    if nodata is not None and not _alike(nodata, frame.nodata):
+        notes += (f"missing samples are marked by nodata {nodata:g}",)
     h, w = samples.shape[1:]
     encoding = encoding_for(driver, options.creation, nodata, samples.dtype, (h, w))
     save(samples, frame, path, encoding, options.tags)
