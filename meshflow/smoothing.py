@@ -162,28 +162,36 @@ def _answered(data: Any, asked: Request, progress: Progress, result: bool, metad
     return found if result else back
 
 
-def smooth_lazily(data: Any, request: Request, metadata: Mapping[str, Any]) -> tuple[Any, Slices | Outcome]:
+def smooth_lazily(
+    data: Any, request: Request, metadata: Mapping[str, Any], *, measure: bool = False
+) -> tuple[Any, Slices | Outcome]:
     """:func:`smooth` of an array of dask, a DataArray that holds one, or a stack of slices, for a request object.
 
+    :param measure: whether what is removed is measured while all is computed, in this process; ``computed()`` of the result then
+        has it.
     :returns: the same kind of data, and what is known before it is computed.
     :raises InputError: as :func:`smooth`.
     """
     options = ReadOptions.of(metadata)
     if is_stack(data, options):
-        return smooth_stack(data, request, options, _Slice({**metadata, "slices": None}))
-    return smooth_chunked(data, request, options)
+        return smooth_stack(data, request, options, _Slice({**metadata, "slices": None}, measure), measure=measure)
+    return smooth_chunked(data, request, options, measure=measure)
 
 
 @dataclass(frozen=True)
 class _Slice:
-    """Smooths a slice of a stack by itself."""
+    """Smooths a slice of a stack by itself.
+
+    :ivar measure: of :func:`smooth_lazily`.
+    """
 
     metadata: Mapping[str, Any]
+    measure: bool = False
 
     def __call__(self, data: Any, request: Request) -> tuple[Any, Result | Outcome]:
         """The smoothed slice, and its result."""
         if is_chunked(data):
-            return smooth_chunked(data, request, ReadOptions.of(self.metadata))
+            return smooth_chunked(data, request, ReadOptions.of(self.metadata), measure=self.measure)
         back, found = smooth_object(data, request, record=None, metadata=self.metadata)
         if not isinstance(found, Result):
             raise InputError("slices: one part expected in each slice, got several")

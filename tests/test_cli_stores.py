@@ -12,6 +12,7 @@ import meshflow
 from meshflow.cli.commands import app
 from meshflow.errors import FormatError, InputError, NotConverged
 from meshflow.io.stores import Place, in_store
+from meshflow.large import chunk_graph
 
 xarray = pytest.importorskip("xarray")
 pytest.importorskip("zarr")
@@ -175,6 +176,40 @@ def test_what_fails_beside_the_reading_of_a_store_passes_unchanged(tmp_path, mon
     monkeypatch.setattr("meshflow.large.chunk_graph.smoothed_chunk", fails)
     assert run(store, tmp_path / "out.zarr", "--method", "quick").exception is refusal
     assert os.listdir(tmp_path) == ["in.zarr"]
+
+
+@pytest.mark.parametrize("slices", [None, "each", "alike"])
+def test_what_was_removed_is_measured_while_the_store_is_written(tmp_path, monkeypatch, slices):
+    store, _ = made(tmp_path, times=2 if slices else 0)
+    given = ("--method", "beltrami", "--contrast", "2", "--time", "90", "--noise", "1", "--json")
+    words = (*given, *(("--slices", slices) if slices else ()))
+    computed, smoothed = [], chunk_graph.smoothed_chunk
+
+    def counting(*parts, **told):
+        computed.append(1)
+        return smoothed(*parts, **told)
+
+    monkeypatch.setattr(chunk_graph, "smoothed_chunk", counting)
+    found = run(store / "height", tmp_path / "out.zarr", *words)
+    assert found.exit_code == 0, found.output
+    assert len(computed) == 9 * (2 if slices else 1)
+    before, after = (back(path)["height"].values.astype(float) for path in (store, tmp_path / "out.zarr"))
+    told = json.loads(found.stdout)
+    each = list(told["slices"].values()) if slices == "each" else [told]
+    gone = (before - after) if slices == "each" else [before - after]
+    for one, change in zip(each, gone, strict=True):
+        assert one["removed"]["rms"] == pytest.approx(np.sqrt(np.nanmean(change**2)), rel=1e-6)
+        assert one["removed"]["largest"] == pytest.approx(np.nanmax(np.abs(change)), rel=1e-6)
+    assert "removed rms " in found.stderr
+    assert "known" not in found.stderr
+
+
+def test_the_table_of_several_stores_has_what_was_removed(tmp_path):
+    store, _ = made(tmp_path)
+    found = run(store / "height", "--output", tmp_path / "done", "--method", "quick")
+    line = next(line for line in found.stdout.splitlines() if "in.zarr" in line)
+    change = back(store)["height"].values - back(tmp_path / "done" / "in.zarr")["height"].values
+    assert f"{np.sqrt(np.nanmean(change.astype(float) ** 2)):.4g}" in line.split()
 
 
 def test_a_store_that_is_replaced_is_whole_or_as_it_was(tmp_path, monkeypatch):

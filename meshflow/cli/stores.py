@@ -62,6 +62,7 @@ def smooth_store(given: Given) -> Told:
     computed = _Computed(source.store, threads, None if given["quiet"] else True)
     beside = stored.group if len(made) > 1 else None
     written_variables(made, target, beside=beside, overwrite=given["overwrite"], compute=computed)
+    found = found.computed()
     return Told(found, (*narrowed(request, word, suiting), *found.warnings))
 
 
@@ -83,7 +84,7 @@ def _smoothed(stored: Stored, source: Place, request: Request, given: Given) -> 
         # Beside series, what does not change with time has no slices.
         options = {key: given[key] for key in READ if not (key == "slices" and several and not further[name])}
         try:
-            made[name], found[name] = smooth_lazily(stored.variable(name), request, read_options(options))
+            made[name], found[name] = smooth_lazily(stored.variable(name), request, read_options(options), measure=True)
         except InputError as cause:
             raise InputError(f"variable {name}: {cause}") from cause if several else cause
     return made, Slices(made, found, "variable") if several else found[stored.names[0]]

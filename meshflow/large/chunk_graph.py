@@ -12,6 +12,7 @@ from meshflow.io.adapters.xarray import Described
 from meshflow.large.census import joined
 from meshflow.large.chunk_work import Step, Task, bound_by, counted_chunk, smoothed_chunk, stop_in, summed_chunk
 from meshflow.large.legs import Leg
+from meshflow.large.outcome import Measured
 from meshflow.large.source import Form
 from meshflow.large.stopping import Sought
 from meshflow.large.windows import Local
@@ -66,6 +67,7 @@ class Lazy:
     :ivar missing: (h, w) or (d, h, w), further samples that are missing, in the chunks of the values; None: none.
     :ivar said: of a DataArray; None of a dask array.
     :ivar notes: sentences for the user.
+    :ivar measured: where chunks note what is removed from them; None: nowhere.
     """
 
     values: Chunked
@@ -74,6 +76,7 @@ class Lazy:
     missing: Chunked | None = None
     said: Described | None = None
     notes: tuple[str, ...] = ()
+    measured: Measured | None = None
 
     def holding(self, values: Chunked) -> object:
         """Other values as an object of the kind that was given."""
@@ -145,7 +148,7 @@ def task_for(grid: Lazy, free: Constraints, halo: int, sides: Iterable[str]) -> 
     chunks = grid.values.chunks[: len(grid.form.shape)]
     depth = tuple(halo if len(one) > 1 else 0 for one in chunks)
     names = ("values", *(() if grid.missing is None else ("missing",)), *sides)
-    return Task(grid.form.shape, chunks, grid.declared, free, depth, names)
+    return Task(grid.form.shape, chunks, grid.declared, free, depth, names, grid.measured)
 
 
 def moved(

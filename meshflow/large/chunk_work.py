@@ -14,6 +14,7 @@ from meshflow.flow.stops import Met
 from meshflow.geometry.validation import Array
 from meshflow.large.census import Census, Counted, counted_in
 from meshflow.large.legs import Leg
+from meshflow.large.outcome import Measured
 from meshflow.large.source import Window, grown, within
 from meshflow.large.stopping import Sought, Sums, Watching
 from meshflow.large.windows import Begun, Bound, Local
@@ -45,6 +46,7 @@ class Task:
     :ivar chunks: of each axis.
     :ivar depth: of each axis, how many lines of its neighbours it has on each side.
     :ivar names: of what is given for each sample, the values first.
+    :ivar measured: where it notes what is removed; None: nowhere.
     """
 
     shape: tuple[int, ...]
@@ -53,6 +55,7 @@ class Task:
     free: Constraints
     depth: tuple[int, ...]
     names: tuple[str, ...]
+    measured: Measured | None = None
 
     def window(self, numbers: Sequence[int]) -> tuple[Window, Window]:
         """The window of a chunk, and it with its halo.
@@ -117,14 +120,18 @@ def smoothed_chunk(
     if met != "known":
         bound = replace(bound, local=bound.local.ended(bound.local.legs.tracks[0], met))
     axes, given = len(task.chunks), len(task.names)
-    windows = task.window([int(number[0]) for number in parts[:axes]])
+    numbers = tuple(int(number[0]) for number in parts[:axes])
+    windows = task.window(numbers)
     state = np.split(parts[-1], len(step.before), axis=-1) if step.before else ()
     begun = Begun(step.leg, dict(zip(step.before, state, strict=True)))
     compute: Compute = bound.plan.request.compute
     with compute.running():
         taken = task.taken(parts[axes : axes + given])
         if not step.after:
-            return _as_masked(parts[axes], within(*windows), bound.moved(windows, *taken, begun))
+            after, at = bound.moved(windows, *taken, begun), within(*windows)
+            if task.measured is not None:
+                task.measured.add(numbers, taken[0][at], after, taken[1][at])
+            return _as_masked(parts[axes], at, after)
         held = bound.held(windows, *taken, begun)
     if not held:
         sides = tuple(part.stop - part.start for part in windows[0])

@@ -16,7 +16,7 @@ from meshflow.io.metadata import ReadOptions
 from meshflow.large.chunk_graph import Chunked, Lazy, again, census_of_chunks, in_chunks_of, moved, stop_of_chunks
 from meshflow.large.chunk_work import gone_in
 from meshflow.large.legs import Leg
-from meshflow.large.outcome import Outcome
+from meshflow.large.outcome import Measured, Outcome
 from meshflow.large.sample import Places, Sample, places_in, sample_from
 from meshflow.large.source import Form
 from meshflow.large.stopping import Sought
@@ -36,7 +36,7 @@ def is_chunked(data: object) -> bool:
 
 
 def smooth_chunked(
-    data: object, request: Request, options: ReadOptions, run: Windowed | None = None
+    data: object, request: Request, options: ReadOptions, run: Windowed | None = None, *, measure: bool = False
 ) -> tuple[Any, Outcome]:
     """Smooth chunks, each with a halo from its neighbours: what is computed equals the whole bit for bit.
 
@@ -44,6 +44,7 @@ def smooth_chunked(
     over the whole. The ends of all values are found when the result is computed, in a pass of its own.
 
     :param run: the plan, where it was found before.
+    :param measure: whether chunks note what is removed from them; they must then be computed in this process.
     :returns: the same kind of object, lazy and in the same chunks, and what is known before it is computed.
     :raises InputError: for what cannot be done by windows, and a camera.
     """
@@ -70,12 +71,15 @@ def smooth_chunked(
         met = stop_of_chunks(replace(grid, values=again(grid.values, census)), local, free, sides, census, sought)
     legs = _legs_for(grid, run)
     widest = max(leg.halo for leg in legs)
-    grid, sides, said = in_chunks_of(replace(grid, values=again(grid.values, census)), sides, widest)
+    measured = (Measured(),) if measure else ()
+    grid = replace(grid, values=again(grid.values, census), measured=next(iter(measured), None))
+    grid, sides, said = in_chunks_of(grid, sides, widest)
     done = moved(grid, run.local, legs, free, sides, (census, met))
     back = grid.holding(done.rechunk(chunks) if said else done)
     found = replace(run.found, request=replace(run.found.request, compute=chosen))
     run = replace(run, found=found, warnings=(*grid.notes, *said, *run.warnings))
-    return back, Outcome(run, int(np.prod(done.numblocks[: len(grid.form.shape)])), data=back, legs=legs)
+    count = int(np.prod(done.numblocks[: len(grid.form.shape)]))
+    return back, Outcome(run, count, data=back, legs=legs, measured=measured)
 
 
 def unsteady(request: Request) -> InputError:

@@ -1,8 +1,9 @@
 """What a run by windows did and why: a result without the data, which is in the file."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
+from uuid import uuid4
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from meshflow.large.windows import Windowed
 from meshflow.results.result import release
 from meshflow.results.wording import as_numbers, as_text, candidates_in_numbers, chosen_in, described
 
-__all__ = ["Outcome", "Removed"]
+__all__ = ["Measured", "Outcome", "Removed"]
 
 
 @dataclass
@@ -59,6 +60,24 @@ class Removed:
         return float(np.sqrt(self.squares / max(self.count, 1)))
 
 
+@dataclass(eq=False)
+class Measured:
+    """What was removed from each chunk, noted in this process while the chunks are computed.
+
+    :ivar parts: by the numbers of the chunk, so that one that is computed again counts once.
+    :ivar token: tells it from others where dask compares what chunks are told.
+    """
+
+    parts: dict[tuple[int, ...], Removed] = field(default_factory=dict)
+    token: str = field(default_factory=lambda: uuid4().hex)
+
+    def add(self, numbers: tuple[int, ...], before: Array, after: Array, missing: Array) -> None:
+        """Note a chunk; parameters of :meth:`Removed.add`."""
+        one = Removed()
+        one.add(before, after, missing)
+        self.parts[numbers] = one
+
+
 @named_fields
 @dataclass(frozen=True, eq=False)
 class Outcome:
@@ -71,6 +90,7 @@ class Outcome:
     :ivar data: the smoothed data, of the kind that was given, not computed yet; None: it is in a file.
     :ivar word: what the windows are called.
     :ivar legs: by which they were run; empty: by one.
+    :ivar measured: where chunks note what is removed from them; empty: nowhere.
     """
 
     run: Windowed
@@ -80,6 +100,13 @@ class Outcome:
     data: Any = field(default=None, repr=False)
     word: str = "window"
     legs: tuple[Leg, ...] = field(default=(), repr=False)
+    measured: tuple[Measured, ...] = field(default=(), repr=False)
+
+    def computed(self) -> "Outcome":
+        """It after the computation, with what was removed."""
+        if not self.measured:
+            return self
+        return replace(self, removed=Removed.joined(part for one in self.measured for part in one.parts.values()))
 
     @property
     def parameters(self) -> dict[str, Parameter]:
@@ -135,10 +162,10 @@ class Outcome:
         if self.run.found.idle is not None:
             return self.stopped_because
         unit, noise = self._unit, self.noise.sigma
-        removed = "what is removed is known after the computation,"
+        removed = f"noise {noise:.4g}{unit}; how much is removed is known only when the data is computed"
         if self.removed is not None:
-            removed = f"removed rms {self.removed.rms:.4g}{unit}"
-        return f"{self.stopped_because}; {chosen_in(self.parameters)}{removed} of noise {noise:.4g}{unit}"
+            removed = f"removed rms {self.removed.rms:.4g}{unit} of noise {noise:.4g}{unit}"
+        return f"{self.stopped_because}; {chosen_in(self.parameters)}{removed}"
 
     @property
     def tags(self) -> dict[str, str]:

@@ -63,6 +63,12 @@ class Slices(Mapping[str, "Result | Outcome | Slices"]):
     def __len__(self) -> int:
         return len(self.slices)
 
+    def computed(self) -> "Slices":
+        """They after the computation, with what was removed from each where that was measured."""
+        return replace(
+            self, slices={name: one if isinstance(one, Result) else one.computed() for name, one in self.slices.items()}
+        )
+
     @property
     def warnings(self) -> tuple[str, ...]:
         """Those of all slices; each once, with the first slice that has it."""
@@ -105,7 +111,7 @@ def is_stack(data: object, options: ReadOptions) -> "TypeGuard[DataArray]":
 
 
 def smooth_stack(
-    data: "DataArray", request: Request, options: ReadOptions, one: One
+    data: "DataArray", request: Request, options: ReadOptions, one: One, *, measure: bool = False
 ) -> tuple["DataArray", Slices | Outcome]:
     """Smooth the slices of a stack; a lazy stack comes back lazy, as one graph.
 
@@ -113,6 +119,7 @@ def smooth_stack(
     slices spread over the stack, and what windows cannot do is refused.
 
     :param one: smooths one slice.
+    :param measure: of :func:`smooth_chunked`, for lazy slices that are smoothed alike.
     :returns: the same kind of array, and the results of the slices, or that of all.
     :raises InputError: as for one slice; for a mask that is not that of a slice.
     """
@@ -133,9 +140,10 @@ def smooth_stack(
         run = run_of_given(some[0], request, options) if is_chunked(data) else None
         run = run or _run_of(some, request, options)
     if is_chunked(data):
-        lazy = [smooth_chunked(part, request, options, run)[0] for part in named.values()]
-        back = _joined(data, dims, lazy)
-        return back, Outcome(run, len(lazy), data=back, word="slice")
+        lazy = [smooth_chunked(part, request, options, run, measure=measure) for part in named.values()]
+        back = _joined(data, dims, [done for done, _ in lazy])
+        measured = tuple(one for _, found in lazy for one in found.measured)
+        return back, Outcome(run, len(lazy), data=back, word="slice", measured=measured)
     removed, made_alike = Removed(), []
     with request.compute.running():
         for part in named.values():
