@@ -33,7 +33,8 @@ def made(folder, times=0, chunks=40):
     if times:
         coords["time"] = np.arange(times).astype("datetime64[D]")
     height = xarray.DataArray(z, coords, dims, "height", {"units": "m", "long_name": "height"})
-    data = xarray.Dataset({"height": height, "gauge": ("station", np.arange(3.0))})
+    data = xarray.Dataset({"height": height, "gauge": ("station", np.arange(3.0)), "label": 7})
+    data["flags"] = (("y", "x"), np.ones((90, 100), bool))
     sizes = {"y": chunks, "x": chunks, **({"time": 1} if times else {})}
     data.chunk(sizes).to_zarr(folder / "in.zarr")
     return folder / "in.zarr", truth
@@ -118,6 +119,21 @@ def test_info_and_show_read_a_variable(tmp_path):
     assert "no folder" in str(several.exception)
 
 
+def test_info_and_show_take_the_first_slice_of_a_series_and_say_so(tmp_path):
+    store, _ = made(tmp_path, times=3)
+    found = RUN.invoke(app, ["info", str(store / "height"), "--json"])
+    assert found.exit_code == 0, found.output
+    told = json.loads(found.stdout)
+    first = meshflow.estimate_noise(xarray.open_zarr(store)["height"].isel(time=0).load())
+    assert told["noise"] == pytest.approx(first.sigma)
+    said = RUN.invoke(app, ["info", str(store / "height")])
+    assert "3 along time: only the first of them" in " ".join(said.output.split())
+    shown = RUN.invoke(app, ["show", str(store / "height"), str(tmp_path / "first.png")])
+    assert shown.exit_code == 0, shown.output
+    volume = RUN.invoke(app, ["info", str(store / "height"), "--kind", "volume"])
+    assert "only the first" not in volume.output
+
+
 def test_a_series_without_a_word_on_slices_is_refused(tmp_path):
     store, _ = made(tmp_path, times=3)
     found = run(store, tmp_path / "out.zarr")
@@ -129,7 +145,13 @@ def test_a_series_without_a_word_on_slices_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("words", "why"),
     [
-        (("in.zarr/gauge", "out.zarr"), "no variable 'gauge'"),
+        (
+            ("in.zarr/gauge", "out.zarr"),
+            "in.zarr/gauge: two dimensions or more .* it has 1 dimension; name one: .*height",
+        ),
+        (("in.zarr/label", "out.zarr"), "in.zarr/label: two dimensions or more .* it has 0 dimensions; name one"),
+        (("in.zarr/flags", "out.zarr"), "in.zarr/flags: real numbers expected, got bool; name one"),
+        (("in.zarr/y", "out.zarr"), "in.zarr/y: two dimensions or more .* it has 1 dimension"),
         (("in.zarr/none", "out.zarr"), "name one: .*height"),
         (("in.zarr", "out.tif"), "Zarr store expected beside"),
         (("in.zarr", "in.zarr"), "is the input"),

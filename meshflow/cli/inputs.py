@@ -2,7 +2,7 @@
 
 from os.path import isfile
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from meshflow.cli.flags import Given
 from meshflow.cli.regions import is_region, region
 from meshflow.errors import InputError, NothingThere, said_by
 from meshflow.geometry.validation import Array, truth_of
+from meshflow.io.adapters.xarray import further_dimensions
 from meshflow.io.files import Document, read
 from meshflow.io.formats import stacks, volumes
 from meshflow.io.metadata import ReadOptions
@@ -19,6 +20,9 @@ from meshflow.io.suffixes import suffix_of
 from meshflow.surfaces.data import array_of
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.volume import Volume
+
+if TYPE_CHECKING:
+    from xarray import DataArray
 
 __all__ = ["frame", "mask", "opened", "per_sample", "plain_sample", "read_options", "samples"]
 
@@ -32,9 +36,20 @@ def opened(path: Path, given: Given) -> Document:
     if place is None:
         return read(path, **read_options(given))
     with readable(place.store):
-        variable = opened_variable(place).load()
+        variable, notes = _one_slice(opened_variable(place), given)
+        variable = variable.load()
     found = taken_in(variable, ReadOptions.of(read_options(given)))
-    return Document(found.data, path, notes=found.notes)
+    return Document(found.data, path, notes=(*notes, *found.notes))
+
+
+def _one_slice(variable: "DataArray", given: Given) -> tuple["DataArray", tuple[str, ...]]:
+    """The first slice of a variable with further dimensions, such as time, and a note."""
+    further = () if given.get("kind") == "volume" else further_dimensions(variable)
+    if not further:
+        return variable, ()
+    many = " x ".join(f"{variable.sizes[name]} along {name}" for name in further)
+    note = f"{variable.name} has several slices, {many}: only the first of them is taken here; smooth takes all, with --slices"
+    return variable.isel(dict.fromkeys(further, 0)), (note,)
 
 
 def read_options(given: Given) -> Given:

@@ -84,9 +84,21 @@ def opened_store(place: Place) -> Stored:
     names = tuple(str(one) for one in data.data_vars if data[one].ndim >= 2 and data[one].dtype.kind in "fiu")
     if name not in names and (name or not names):
         listed = f"; name one: {', '.join(str(place.store / group / one) for one in names)}" if names else ""
+        if name in data.variables:
+            raise FormatError(f"{place}: {_unfit(data[name])}{listed}")
         what = f"no variable {name!r}" if name else "no variable of two dimensions"
         raise FormatError(f"{place.store}: {what} in it{listed}")
     return Stored(data, (name,) if name else names)
+
+
+def _unfit(variable: "DataArray") -> str:
+    """Why a variable cannot be smoothed."""
+    if variable.ndim < 2:
+        many = f"{variable.ndim} dimension{'s' * (variable.ndim != 1)}"
+        return f"two dimensions or more expected, rows and columns; it has {many}"
+    if variable.dtype.kind in "fiu":
+        return "it is a coordinate of others, and no variable"
+    return f"real numbers expected, got {variable.dtype}"
 
 
 def opened_variable(place: Place) -> "DataArray":
