@@ -7,6 +7,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ import rasterio
 from helpers import warm_start
 from helpers.raster_files import make
 from rasterio.enums import ColorInterp
+from rasterio.errors import RasterioError
 from rasterio.transform import from_origin
 
 from meshflow import Beltrami, Mask
@@ -210,20 +212,41 @@ def test_a_raster_may_replace_itself(tmp_path):
 def test_a_full_disk_half_way_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
     path, target = make(tmp_path / "in.tif", heights()), tmp_path / "out.tif"
     target.write_bytes(b"old")
-    written = RasterWriter.write
+    written, windows = RasterWriter.write, []
 
-    def full(self, part, samples, alpha):
-        if len(self.sums) == 4:
-            raise OSError(28, "No space left on device")
+    def counted(self, part, samples, alpha):
+        windows.append(part)
         written(self, part, samples, alpha)
 
-    monkeypatch.setattr(RasterWriter, "write", full)
+    def usage(folder):
+        assert folder == tmp_path.resolve()
+        return SimpleNamespace(total=1 << 40, free=1 << 40 if len(windows) < 5 else 1 << 10)
+
+    monkeypatch.setattr(RasterWriter, "write", counted)
+    monkeypatch.setattr("meshflow.io.atomic_write.disk_usage", usage)
     with pytest.raises(
         FormatError, match="out.tif was not written .No space left on device.; an existing file is unch"
     ):
         smooth_raster(path, target, request(), ReadOptions(), Output(SMALL, overwrite=True))
+    assert len(windows) == 5
     assert target.read_bytes() == b"old"
     assert sorted(file.name for file in tmp_path.iterdir()) == ["in.tif", "out.tif"]
+
+
+def test_the_reason_is_a_full_disk_where_a_copy_of_another_driver_finds_no_room(tmp_path, monkeypatch):
+    path = make(tmp_path / "in.tif", heights())
+    room = [1 << 40]
+
+    def refused(*rest):
+        room[0] = 1 << 10
+        raise RasterioError("Seek error at scanline 0")
+
+    usage = lambda folder: SimpleNamespace(total=1 << 40, free=room[0])  # noqa: E731
+    monkeypatch.setattr("meshflow.io.atomic_write.disk_usage", usage)
+    monkeypatch.setattr("meshflow.io.formats.raster_windows.copied_to", refused)
+    with pytest.raises(FormatError, match="out.tif was not written .No space left on device.; an existing file"):
+        smooth_raster(path, tmp_path / "out.tif", request(), ReadOptions(), Output(SMALL, driver="COG"))
+    assert [file.name for file in tmp_path.iterdir()] == ["in.tif"]
 
 
 def test_what_is_not_read_back_as_it_was_written_is_refused(tmp_path, monkeypatch):

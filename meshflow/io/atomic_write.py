@@ -5,12 +5,12 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from shutil import copymode, rmtree
+from shutil import copymode, disk_usage, rmtree
 from uuid import uuid4
 
 from meshflow.errors import FormatError
 
-__all__ = ["beside", "folder_beside", "must_be_apart", "must_be_free", "sides_of"]
+__all__ = ["beside", "folder_beside", "must_be_apart", "must_be_free", "must_have_room", "sides_of"]
 
 # Files that GDAL keeps beside a raster (statistics, overviews, mask) describe the old file and are removed with it.
 _SIDECARS = (".aux.xml", ".ovr", ".msk")
@@ -33,6 +33,17 @@ def must_be_free(path: Path, overwrite: bool) -> None:
         )
     if path.exists() and not overwrite:
         raise FormatError(f"{path} exists; name another file, or overwrite it on purpose (overwrite=True)")
+
+
+def must_have_room(folder: Path, size: int) -> None:
+    """Refuse to go on where a disk is about to be full.
+
+    :param size: bytes that must be free; not asked where the system does not know.
+    :raises OSError: the one of a full disk.
+    """
+    disk = disk_usage(folder)
+    if disk.total and disk.free < size:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 @contextmanager

@@ -16,7 +16,7 @@ from rasterio.windows import Window
 
 from meshflow.errors import FormatError
 from meshflow.geometry.validation import Array, real
-from meshflow.io.atomic_write import beside
+from meshflow.io.atomic_write import beside, must_have_room
 from meshflow.io.formats.raster_bands import (
     frame_of,
     gone_in,
@@ -25,7 +25,7 @@ from meshflow.io.formats.raster_bands import (
     unreadable,
 )
 from meshflow.io.formats.raster_drivers import allowed_drivers
-from meshflow.io.formats.raster_encoding import Encoding, copied_to, encoding_for, reason_of
+from meshflow.io.formats.raster_encoding import TILE, Encoding, copied_to, encoding_for, reason_of
 from meshflow.io.formats.raster_frame import Frame, alpha_as, describe, place
 from meshflow.io.formats.raster_place import Part, Place, as_window, shape_of
 from meshflow.io.incoming import plainly_named
@@ -35,6 +35,9 @@ __all__ = ["Layout", "RasterReader", "RasterWriter", "raster_read", "raster_writ
 
 # Bytes of decoded blocks that GDAL keeps.
 CACHE = 64 << 20
+# The share of what is written next that a disk must have room for: blocks that are still being compressed count, too. And bytes
+# below which it is full.
+AHEAD, FULL = 2, 1 << 20
 # What the names of the tags of a run begin with in a file of a driver that copies a GeoTIFF.
 COPIED = "meshflow_"
 
@@ -151,18 +154,27 @@ class RasterWriter:
     sums: dict[tuple[int, int, int, int], int]
 
     def write(self, part: Part, samples: Array, alpha: Array | None) -> None:
-        """Write a window; each sample once.
+        """Write a window, by whole rows of blocks; each sample once.
+
+        GDAL does not say that a disk is full, and goes on: the room is looked at before.
 
         :param samples: (k, r, c), in the type of the file; ``alpha``: (r, c), its alpha band.
+        :raises OSError: where there is no room left.
         """
         if alpha is not None:
             samples = np.concatenate([samples, alpha_as(alpha, samples.dtype)[None]])
         samples = np.ascontiguousarray(samples)
+        rows, columns = part
+        high, folder = self.target.block_shapes[0][0], Path(self.target.name).parent
+        high *= max(1, TILE // high)
         try:
-            self.target.write(samples, window=as_window(part))
+            for top in range(0, rows.stop - rows.start, high):
+                some = samples[:, top : top + high]
+                must_have_room(folder, AHEAD * some.nbytes)
+                begin = rows.start + top
+                self.target.write(some, window=as_window((slice(begin, begin + some.shape[1]), columns)))
         except (RasterioError, CPLE_BaseError) as cause:
             raise OSError(reason_of(cause)) from cause
-        rows, columns = part
         self.sums[rows.start, rows.stop, columns.start, columns.stop] = zlib.crc32(samples.data)
 
 
@@ -244,6 +256,8 @@ def raster_written(
                 with rasterio.open(temporary, "r+") as target:
                     target.build_overviews(list(frame.overviews), Resampling.average)
         except (RasterioError, CPLE_BaseError) as cause:
+            # A driver that copies removes what it has begun: there is room again.
+            must_have_room(temporary.parent, AHEAD * written.stat().st_size if copied and written.exists() else FULL)
             raise OSError(reason_of(cause)) from cause
 
 
