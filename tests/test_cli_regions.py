@@ -6,11 +6,13 @@ import rasterio
 import trimesh
 from typer.testing import CliRunner
 
+from meshflow.cli import by_windows
 from meshflow.cli.commands import app
-from meshflow.cli.inputs import per_sample
+from meshflow.cli.inputs import per_sample, plain_sample
 from meshflow.cli.regions import LONGEST, is_region
 from meshflow.errors import InputError
 from meshflow.io.files import read
+from meshflow.io.metadata import ReadOptions
 
 RNG = np.random.default_rng(8)
 
@@ -129,3 +131,59 @@ def test_only_points_to_the_mask(ball):
     assert done.returncode == 2
     assert "--mask" in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+# --- by windows ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("bands", [1, 3])
+@pytest.mark.parametrize("crs", ["EPSG:32632", "EPSG:4326", None])
+def test_a_region_evaluated_by_windows_is_that_of_the_whole(tmp_path, monkeypatch, bands, crs):
+    monkeypatch.setattr(by_windows, "PIECE", 300)
+    rng = np.random.default_rng(bands)
+    z = (np.add.outer(np.arange(40.0), 2 * np.arange(50.0)) + rng.normal(size=(bands, 40, 50))).astype(np.float32)
+    z[:, 3, 4] = z[:, 20:28] = -9999
+    step = 10 if crs != "EPSG:4326" else 1e-4
+    place = rasterio.Affine(step, 0, 9, 0, -step, 45) if crs else rasterio.Affine.identity()
+    file = tmp_path / "z.tif"
+    with rasterio.open(file, "w", "GTiff", 50, 40, bands, crs, place, "float32", -9999) as made:
+        made.write(z)
+    for options in (ReadOptions(), ReadOptions(window=(5, 3, 31, 30))):
+        document = read(file, window=options.window)
+        low, high = np.nanquantile(document.data.z if bands == 1 else document.data.values, [0.3, 0.7])
+        name = "z" if bands == 1 else "c1"
+        x0 = 9 + 25 * step if crs else 25
+        for text in (f"{low} < {name} < {high}", "row > 7 and column != 3", f"x > {x0}", f"y < 44 or {name} > {low}"):
+            whole = per_sample(document, "mask", text)
+            assert np.array_equal(by_windows._per_sample(file, options, 1e9, "mask", text), whole), text
+    with pytest.raises(InputError, match=r"true for none of 2000 samples; x [^n]* to [^n]*, y [^n]* to [^n]*"):
+        by_windows._per_sample(file, ReadOptions(), 1e9, "fixed", f"{name} > 1e6")
+
+
+def test_a_mask_by_an_expression_is_the_same_by_windows_as_in_memory(terrain, tmp_path, monkeypatch):
+    words = [
+        "--mask",
+        "z > 60 and column < 40",
+        "--method",
+        "beltrami",
+        "--contrast",
+        "2",
+        "--time",
+        "200",
+        "--noise",
+        "1",
+    ]
+    for name, memory in (("windows.tif", 400e6), ("whole.tif", None)):
+        monkeypatch.setattr("meshflow.cli.commands.memory_for", lambda _, memory=memory: memory)
+        done = CliRunner().invoke(app, ["smooth", str(terrain), str(tmp_path / name), *words])
+        assert done.exit_code == 0, done.output
+    windows, whole = (rasterio.open(tmp_path / name).read(1) for name in ("windows.tif", "whole.tif"))
+    assert windows.tobytes() == whole.tobytes()
+    assert windows.tobytes() != rasterio.open(terrain).read(1).tobytes()
+
+
+def test_an_expression_where_there_is_none_is_refused_in_one_line():
+    with pytest.raises(InputError, match=r"mask: an expression is for one raster.*; give a mask as a file"):
+        plain_sample("mask", "z > 1000")
+    with pytest.raises(InputError, match="there is no file z.tif"):
+        plain_sample("mask", "z.tif")

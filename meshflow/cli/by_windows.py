@@ -2,8 +2,10 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
+from os.path import isfile
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from meshflow.cli.asking import asked, narrowed
 from meshflow.cli.flags import Given
@@ -11,6 +13,7 @@ from meshflow.cli.inputs import plain_sample, read_options
 from meshflow.cli.many import Told
 from meshflow.cli.options import PLACING, READING
 from meshflow.cli.rasters import must_not_be, writing_of
+from meshflow.cli.regions import Names, is_region, region_by_parts
 from meshflow.errors import InputError
 from meshflow.estimate.volumes import volume_words
 from meshflow.flow.methods import words_for
@@ -20,10 +23,13 @@ from meshflow.io.incoming import STDIN
 from meshflow.io.metadata import ReadOptions
 from meshflow.io.suffixes import suffix_of
 from meshflow.large.memory import SHARE, Budget, bytes_in, free_memory, needed
+from meshflow.large.source import rows_and_columns
+from meshflow.surfaces.height_field import HeightField
 
 if TYPE_CHECKING:
     from meshflow.large.outputs import Output
-    from meshflow.large.source import Form
+    from meshflow.large.rasters import Gridded
+    from meshflow.large.source import Form, Window
 
 __all__ = ["memory_for", "smooth_by_windows", "tiles_together"]
 
@@ -31,6 +37,8 @@ __all__ = ["memory_for", "smooth_by_windows", "tiles_together"]
 SMALL = 1 << 20
 # What refers to other files, and may be small itself.
 REFERRING = (".vrt",)
+# Values of which an expression is evaluated at a time; it takes some arrays of their size.
+PIECE = 1 << 20
 # The formats that are read by windows, by their names.
 RASTER, SCAN = "a raster", "a volume"
 # Formats of rasters that are not read by windows.
@@ -84,7 +92,7 @@ def smooth_by_windows(given: Given, memory: float) -> Told:
     known = format_of(source, options)
     options.must_belong(f"{known.NAME} ({source.name})", known.READS)
     word, suiting = given["method"], _words(source, options)
-    request = asked(given, plain_sample, suiting)
+    request = asked(given, partial(_per_sample, source, options, memory), suiting)
     writing = _output(given, memory)
     for path in writing.sides.values():
         must_not_be(source, path)
@@ -99,6 +107,30 @@ def smooth_by_windows(given: Given, memory: float) -> Told:
         result = smooth_raster(source, target, request, options, writing, progress)
     more = (word for word in result.warnings if word not in result.notes)
     return Told(result, (*narrowed(request, word, suiting), *result.notes, *more))
+
+
+def _per_sample(source: Path, options: ReadOptions, memory: float, word: str, given: str) -> Any:
+    """The numbers per sample of an option: those of :func:`plain_sample`, or a region of a raster by an expression.
+
+    The mask of the whole takes one byte for each sample.
+    """
+    if word not in ("mask", "fixed") or isfile(given) or not is_region(given) or _is_volume(source, options):
+        return plain_sample(word, given)
+    from meshflow.io.formats.raster_windows import raster_read
+    from meshflow.large.census import bands
+    from meshflow.large.rasters import gridded
+
+    with raster_read(source, options) as reader:
+        grid, _ = gridded(reader, options)
+        windows = bands(grid.form, min(PIECE, Budget(memory).counted(grid.form)))
+        return region_by_parts(((window, _names(grid, window)) for window in windows), grid.form.shape, given, word)
+
+
+def _names(grid: "Gridded", window: "Window") -> Names:
+    """The numbers of a window of a raster, by name."""
+    (values, missing), part, form = grid.read(window), rows_and_columns(window), grid.form
+    values = values if form.kind is HeightField else values.reshape(*missing.shape, -1)
+    return Names.on_grid(values, missing, part, form.plane, grid.reader.frame.places(part))
 
 
 def _words(source: Path, options: ReadOptions) -> tuple[str, ...]:

@@ -146,6 +146,11 @@ def plain_sample(word: str, given: str) -> Any:
         return given
     if _is_plain(word, given):
         return float(given)
+    if not isfile(given) and word in ("mask", "fixed") and is_region(given):
+        raise InputError(
+            f"{word}: an expression is for one raster, picture, mesh or image of depths, and not here; give a mask as a file, "
+            f"non-zero where {given!r} is true"
+        )
     if not isfile(given):
         others = {"max_change": "a number, step, or ", "fixed": "", "mask": ""}.get(word, "a number or ")
         raise InputError(f"{word}: {others}a file expected, and there is no file {given}")

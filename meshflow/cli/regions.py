@@ -2,7 +2,7 @@
 
 import ast
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import reduce
 from typing import Any
@@ -11,14 +11,14 @@ import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.geometry.options import nearest
-from meshflow.geometry.validation import Array
+from meshflow.geometry.validation import Array, Spacing
 from meshflow.io.document import Document
 from meshflow.surfaces.data import on_surface
 from meshflow.surfaces.height_field import HeightField
 from meshflow.surfaces.image import Image
 from meshflow.surfaces.mesh import Mesh
 
-__all__ = ["is_region", "region"]
+__all__ = ["Names", "is_region", "region", "region_by_parts"]
 
 # The longest text: parsing nested brackets takes memory.
 LONGEST = 2000
@@ -72,79 +72,119 @@ def region(document: Document, text: str, word: str) -> Array:
     :param word: the option, for the messages.
     :raises InputError: for text that is no such expression, an unknown name, and an expression that is true nowhere.
     """
+    there = Names.of(document)
+    return region_by_parts([(tuple(slice(0, size) for size in there.shape), there)], there.shape, text, word)
+
+
+def region_by_parts(
+    parts: "Iterable[tuple[tuple[slice, ...], Names]]", shape: tuple[int, ...], text: str, word: str
+) -> Array:
+    """:func:`region` of data that comes part by part.
+
+    :param parts: the place of each, and its numbers; ``shape``: of all.
+    """
     if len(text) > LONGEST:
         raise InputError(f"{word}: an expression of at most {LONGEST} characters expected, got {len(text)}")
-    there = _Names.of(document)
+    mask, spans = np.zeros(shape, bool), dict[str, tuple[float, float]]()
+    for part, there in parts:
+        mask[part] = _true_in(there, text, word)
+        for name, (low, high) in there.spans().items():
+            least, most = spans.get(name, (low, high))
+            spans[name] = float(np.fmin(least, low)), float(np.fmax(most, high))
+    if not mask.any():
+        said = ", ".join(f"{name} {low:.4g} to {high:.4g}" for name, (low, high) in spans.items())
+        raise InputError(f"{word}: {text!r} is true for none of {mask.size} samples; {said}")
+    return mask
+
+
+def _true_in(there: "Names", text: str, word: str) -> Array:
+    """Where an expression is true."""
     try:
         tree = ast.parse(text.strip(), mode="eval").body
         with np.errstate(all="ignore"):
-            found = _Reader(there, word).of(tree)
+            values = np.broadcast_to(_Reader(there, word).of(tree), there.shape)
     except (SyntaxError, ValueError, MemoryError, RecursionError) as cause:
         if isinstance(cause, InputError):
             raise
         raise InputError(f"{word}: an expression expected, {_EXAMPLE}, got {text!r}") from cause
-    values = np.broadcast_to(found, there.shape)
-    mask = values if values.dtype == bool else np.isfinite(values) & (values != 0)
-    if not mask.any():
-        spans = ", ".join(f"{name} {low:.4g} to {high:.4g}" for name, (low, high) in there.spans().items())
-        raise InputError(f"{word}: {text!r} is true for none of {mask.size} samples; {spans}")
-    return np.array(mask)
+    return values if values.dtype == bool else np.isfinite(values) & (values != 0)
 
 
 @dataclass(frozen=True, eq=False)
-class _Names:
-    """The numbers per sample of a document, by name.
+class Names:
+    """The numbers per sample of data, by name.
 
     :ivar shape: (h, w) or (n,).
     :ivar arrays: coordinates and channels.
+    :ivar mesh: with further numbers, its vertex attributes; None: it is no mesh.
     """
 
-    document: Document
     shape: tuple[int, ...]
     arrays: Mapping[str, Array]
+    mesh: Document | None = None
 
     @classmethod
-    def of(cls, document: Document) -> "_Names":
+    def of(cls, document: Document) -> "Names":
         """The names of a document."""
         data = on_surface(document.data, "regions by an expression")
         if isinstance(data, Mesh):
             arrays = dict(zip("xyz", np.asarray(data.points, np.float64).T, strict=False))
-            return cls(document, (len(data.points),), arrays)
+            return cls((len(data.points),), arrays, document)
         h, w = data.missing.shape
-        row, column = np.mgrid[:h, :w].astype(np.float64)
-        arrays = {"row": row, "column": column}
+        part = slice(0, h), slice(0, w)
         if not isinstance(data, (HeightField, Image)):
             cloud = dict(zip("xyz", np.moveaxis(data.cloud, 2, 0), strict=True))
-            return cls(document, (h, w), {**cloud, **arrays, "depth": np.where(data.missing, np.nan, data.depth)})
-        places = document.source.places((h, w))
-        dx, dy = np.broadcast_to(data.spacing[0], (h,))[:, None], data.spacing[1]
-        arrays["x"], arrays["y"] = (column * dx, row * dy) if places is None else places
-        planes = [data.z] if isinstance(data, HeightField) else np.moveaxis(data.values.reshape(h, w, -1), 2, 0)
-        names = ["z"] if isinstance(data, HeightField) else [f"c{i}" for i in range(len(planes))]
-        channels = {name: np.where(data.missing, np.nan, plane) for name, plane in zip(names, planes, strict=True)}
-        return cls(document, (h, w), {**arrays, **channels})
+            row, column = np.mgrid[part].astype(np.float64)
+            depth = np.where(data.missing, np.nan, data.depth)
+            return cls((h, w), {**cloud, "row": row, "column": column, "depth": depth})
+        values = data.z if isinstance(data, HeightField) else data.values.reshape(h, w, -1)
+        return cls.on_grid(values, data.missing, part, data.spacing, document.source.places(part))
+
+    @classmethod
+    def on_grid(
+        cls,
+        values: Array,
+        missing: Array,
+        part: tuple[slice, slice],
+        spacing: Spacing,
+        places: tuple[Array, Array] | None,
+    ) -> "Names":
+        """The names of a part of a grid.
+
+        :param values: heights (r, c), or channels (r, c, k); ``missing``: (r, c).
+        :param part: its rows and columns.
+        :param spacing: of the whole, (dx, dy), dx a number or one per row.
+        :param places: x and y on a map; None: there is none.
+        """
+        row, column = np.mgrid[part].astype(np.float64)
+        dx = spacing[0] if np.ndim(spacing[0]) == 0 else np.asarray(spacing[0])[part[0], None]
+        x, y = (column * dx, row * spacing[1]) if places is None else places
+        named = {"z": values} if values.ndim == 2 else {f"c{i}": values[..., i] for i in range(values.shape[2])}
+        channels = {name: np.where(missing, np.nan, plane) for name, plane in named.items()}
+        return cls(missing.shape, {"row": row, "column": column, "x": x, "y": y, **channels})
 
     def __getitem__(self, name: str) -> Array | None:
         if name in self.arrays:
             return self.arrays[name]
-        if not isinstance(self.document.data, Mesh):
+        if self.mesh is None:
             return None
         try:
-            found = self.document.samples(name, "mobility")
+            found = self.mesh.samples(name, "mobility")
         except InputError:
             return None
         return None if found is None or isinstance(found, str) else np.asarray(found, np.float64)
 
     def spans(self) -> dict[str, tuple[float, float]]:
         """The least and the greatest coordinates."""
-        return {n: (float(np.nanmin(a)), float(np.nanmax(a))) for n, a in self.arrays.items() if n in ("x", "y", "z")}
+        named = {name: self.arrays[name] for name in "xyz" if name in self.arrays}
+        return {n: (float(np.fmin.reduce(a, axis=None)), float(np.fmax.reduce(a, axis=None))) for n, a in named.items()}
 
 
 @dataclass(frozen=True, eq=False)
 class _Reader:
     """Evaluates an expression; nothing but numbers, the known names and functions is understood."""
 
-    there: _Names
+    there: Names
     word: str
 
     def of(self, node: ast.AST) -> Any:
@@ -192,8 +232,8 @@ class _Reader:
         if array is None:
             names = list(self.there.arrays)
             near = nearest(name, [*names, *_FUNCTIONS, "box", "sphere"])
-            what = "its coordinates" if isinstance(self.there.document.data, Mesh) else "its numbers"
-            more = " and its vertex attributes" if isinstance(self.there.document.data, Mesh) else ""
+            what = "its numbers" if self.there.mesh is None else "its coordinates"
+            more = "" if self.there.mesh is None else " and its vertex attributes"
             hint = f"; did you mean {near}?" if near else ""
             raise InputError(f"{self.word}: no {name!r} in the data, {what} are {', '.join(names)}{more}{hint}")
         return array

@@ -60,8 +60,8 @@ class Source:
         """The meshes of a file with several; empty for a file with one."""
         return ()
 
-    def places(self, shape: tuple[int, int]) -> tuple[Array, Array] | None:
-        """x and y of samples (h, w) on a map; None where the file lies on none."""
+    def places(self, part: tuple[slice, slice]) -> tuple[Array, Array] | None:
+        """x and y of the samples of some rows and columns on a map; None where the file lies on none."""
         return None
 
     @property

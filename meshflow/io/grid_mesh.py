@@ -50,7 +50,7 @@ def _origin(source: Source) -> tuple[Fact, ...]:
     """A sentence about the place on the map from which positions count: single precision, as most formats have it, holds no
     map coordinates to less than half a metre.
     """
-    places = source.places((1, 1))
+    places = source.places((slice(0, 1), slice(0, 1)))
     if places is None:
         return ()
     east, north = (float(place[0, 0]) for place in places)

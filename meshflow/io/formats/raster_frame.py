@@ -69,6 +69,14 @@ class Frame:
         unit = linear_unit(self.crs)[0]
         return "m" if unit in ("metre", "meter", "metres", "meters") else unit
 
+    def places(self, part: tuple[slice, slice]) -> tuple[Array, Array] | None:
+        """x and y of the centres of the samples of some rows and columns on the map; None where the file lies on none."""
+        if not self.georeferenced:
+            return None
+        a, b, c, d, e, f = tuple(self.transform)[:6]
+        row, column = np.mgrid[part] + 0.5
+        return a * column + b * row + c, d * column + e * row + f
+
     @property
     def scaled(self) -> bool:
         """Whether the stored numbers need a scale and an offset."""
@@ -103,13 +111,9 @@ class Framed(Source):
         """The unit of the lengths between samples."""
         return self.frame.ground_unit
 
-    def places(self, shape: tuple[int, int]) -> tuple[Array, Array] | None:
-        """x and y of the centres of samples (h, w) on the map."""
-        if not self.frame.georeferenced:
-            return None
-        a, b, c, d, e, f = tuple(self.frame.transform)[:6]
-        row, column = np.mgrid[: shape[0], : shape[1]] + 0.5
-        return a * column + b * row + c, d * column + e * row + f
+    def places(self, part: tuple[slice, slice]) -> tuple[Array, Array] | None:
+        """x and y of the centres of the samples of some rows and columns on the map."""
+        return self.frame.places(part)
 
     @property
     def north_up(self) -> bool:
