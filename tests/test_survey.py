@@ -240,6 +240,19 @@ def test_a_run_that_is_resumed_keeps_files_whatever_memory_threads_and_driver_it
     assert contents(tmp_path / "out") == before
 
 
+def test_tiles_of_whole_numbers_and_of_single_precision_go_together_and_double_is_refused(tmp_path):
+    z = np.rint(heights())
+    paths = tiled(tmp_path / "in", z)
+    assert all(isinstance(one, Outcome) for one in together(paths, tmp_path / "one").values())
+    replaced(tmp_path / "in" / "t30_30.tif", of=lambda z: z.astype("int16"))
+    assert all(isinstance(one, Outcome) for one in together(paths, tmp_path / "two").values())
+    assert mosaic_of(tmp_path / "one").tobytes() == mosaic_of(tmp_path / "two").tobytes()
+    replaced(tmp_path / "in" / "t30_30.tif", of=lambda z: z.astype("float64"))
+    refused = [str(one) for one in together(paths, tmp_path / "three").values() if isinstance(one, Exception)]
+    assert len(refused) == 1
+    assert "its number type is float64; the other tiles, such as t0_0.tif, have float32" in refused[0]
+
+
 def test_the_lattice_is_that_of_most_tiles_whatever_their_names(tmp_path):
     z = heights()
     paths = tiled(tmp_path / "in", z)

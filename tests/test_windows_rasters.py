@@ -1,6 +1,7 @@
 """A raster file that is smoothed by windows: the same file as the whole makes, in a bounded memory, or nothing at all."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -177,6 +178,20 @@ def test_where_no_mark_is_left_it_is_refused_before_the_run(tmp_path, monkeypatc
     with pytest.raises(FormatError, match="uint8 has no value left to mark them; write dtype='float32'"):
         smooth_raster(path, tmp_path / "out.tif", request(), ReadOptions.of({"nodata": 110.0}), Output(SMALL, "source"))
     assert [file.name for file in tmp_path.iterdir()] == ["in.tif"]
+
+
+def test_the_formats_that_are_said_to_be_written_by_windows_are_written(tmp_path):
+    path = make(tmp_path / "in.tif", heights())
+    with pytest.raises(FormatError, match="out.asc: a .* is written by windows, got .asc") as why:
+        smooth_raster(path, tmp_path / "out.asc", request(), ReadOptions(), Output(SMALL))
+    smooth_raster(path, tmp_path / "out.tif", request(), ReadOptions(), Output(SMALL))
+    expected = array_of(read(tmp_path / "out.tif").data).tobytes()
+    said = re.findall(r"\.[a-z]+(?=,| or| is)", str(why.value).partition(": a ")[2])
+    assert said == [".tif", ".tiff", ".img", ".nc", ".gpkg", ".bil"]
+    for suffix in said[1:]:
+        target = tmp_path / f"out{suffix}"
+        smooth_raster(path, target, request(), ReadOptions(), Output(SMALL))
+        assert array_of(read(target).data).tobytes() == expected
 
 
 def test_overviews_and_tags_of_the_source_are_kept(tmp_path):

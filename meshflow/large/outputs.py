@@ -25,6 +25,9 @@ from meshflow.large.source import Form
 
 __all__ = ["Output", "Written", "must_be_stored", "must_be_writable", "opened_beside", "stored_as"]
 
+# The driver that takes a raster as a whole only.
+AS_A_WHOLE = "AAIGrid"
+
 
 @dataclass(frozen=True)
 class Output:
@@ -72,9 +75,10 @@ def must_be_writable(target: Path, writing: Output) -> None:
     for path in (target, *writing.sides.values()):
         must_be_free(path, writing.overwrite)
         known = writing.driver is not None or path.suffix.lower() in DRIVERS
-        if not known or driver_of(path, writing.driver) == "AAIGrid":
+        if not known or driver_of(path, writing.driver) == AS_A_WHOLE:
+            *some, last = (suffix for suffix, driver in DRIVERS.items() if driver != AS_A_WHOLE)
             raise FormatError(
-                f"{path.name}: a .tif, .img, .nc or .gpkg is written by windows, got {path.suffix or 'no extension'}"
+                f"{path.name}: a {', '.join(some)} or {last} is written by windows, got {path.suffix or 'no extension'}"
             )
         if not path.parent.is_dir():
             raise FormatError(f"{path.parent} is not a folder; create it first")
