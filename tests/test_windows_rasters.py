@@ -248,6 +248,15 @@ def test_a_full_disk_half_way_leaves_the_old_file_and_nothing_else(tmp_path, mon
     assert sorted(file.name for file in tmp_path.iterdir()) == ["in.tif", "out.tif"]
 
 
+def test_no_window_is_run_where_a_disk_is_full_from_the_first(tmp_path, monkeypatch):
+    path = make(tmp_path / "in.tif", heights())
+    monkeypatch.setattr("meshflow.io.atomic_write.disk_usage", lambda folder: SimpleNamespace(total=1 << 40, free=9))
+    monkeypatch.setattr("meshflow.large.rasters.smoothed", None)
+    with pytest.raises(FormatError, match="out.tif was not written .No space left on device."):
+        smooth_raster(path, tmp_path / "out.tif", request(), ReadOptions(), Output(SMALL))
+    assert [file.name for file in tmp_path.iterdir()] == ["in.tif"]
+
+
 def test_the_reason_is_a_full_disk_where_a_copy_of_another_driver_finds_no_room(tmp_path, monkeypatch):
     path = make(tmp_path / "in.tif", heights())
     room = [1 << 40]

@@ -224,7 +224,8 @@ def raster_written(
 ) -> Iterator[RasterWriter]:
     """Write a raster by windows; at the end it is read back, and then replaces an old one.
 
-    Windows are written to a GeoTIFF; where the driver is another one, that is a temporary file beside the raster.
+    No window need be run where there is no room for the first ones. They are written to a GeoTIFF; where the driver is another
+    one, that is a temporary file beside the raster.
 
     :param frame: what is written around the samples.
     :param dtype: of the samples.
@@ -240,6 +241,7 @@ def raster_written(
     with beside(path, several=copied) as temporary:
         written = temporary.with_name(f"{temporary.name}.part.tif") if copied else temporary
         sums: dict[tuple[int, int, int, int], int] = {}
+        must_have_room(temporary.parent, AHEAD * shape["count"] * min(TILE, height) * width * dtype.itemsize)
         try:
             with rasterio.open(
                 written, "w", driver=first.driver, dtype=dtype, nodata=first.nodata, **shape, **place(frame),
