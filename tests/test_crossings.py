@@ -4,6 +4,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from scipy.spatial import Delaunay
 
 import meshflow
 from meshflow.estimate.points import MOST
@@ -110,3 +111,17 @@ def test_what_is_mended_at_a_crease_follows_the_planes_beside_it():
     assert len(new_folds(cube.points, found, cube.faces)) == 0
     assert 0 < less < 30
     assert cube.distance(found).max() < 0.05 * cube.edge  # 0.29 edges where the mended corners do not follow
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_no_point_of_slivers_moves_farther_than_is_said_and_nothing_folds_or_crosses(seed):
+    draw = np.random.default_rng(seed)
+    plane = draw.random((1500, 2))
+    faces, edge = Delaunay(plane).simplices, 1.2 / np.sqrt(1500)
+    before = np.c_[plane, np.abs(plane[:, 0] - 0.5) + draw.normal(0, 0.1 * edge, 1500)]
+    result = meshflow.smooth((before, faces), result=True)
+    after = result.data[0]
+    most = result.parameters["max_change"].value
+    assert np.linalg.norm(after - before, axis=1).max() <= most * (1 + 1e-9)
+    assert len(new_folds(before, after, faces)) == 0
+    assert len(new_crossings(before, after, faces)) == 0

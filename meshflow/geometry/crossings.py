@@ -12,7 +12,7 @@ from meshflow.geometry.normals import followed
 from meshflow.geometry.validation import Array, indices_of
 from meshflow.kernels import mesh_crossings as kernels
 
-__all__ = ["crossing_pairs", "moved_without_harm", "new_crossings"]
+__all__ = ["crossing_pairs", "moved_less", "moved_without_harm", "new_crossings"]
 
 # The number of pairs for which memory is taken at first.
 SOME = 1024
@@ -21,6 +21,8 @@ SOME = 1024
 SMOOTHED, HALVED, STAYED = 8, 3, 5
 # Sweeps in which what was mended follows the normals around it, and rounds in which what does not fit is left as it is.
 FITTED, LEFT = 10, 3
+# Rounds in which what folds or crosses by being drawn to the data stays as it is, each time with one more ring around it.
+DRAWN = 8
 
 
 def crossing_pairs(points: Array, faces: Array) -> Array:
@@ -64,6 +66,10 @@ class _Before:
         """The pairs (k, 2) of triangles that cross each other after the motion, unless both crossed something before."""
         pairs = crossing_pairs(after, self.faces)
         return pairs[~self.crossed[pairs].all(axis=1)] if len(pairs) else pairs
+
+    def harmed(self, after: Array) -> Array:
+        """The pairs (k, 2) of triangles that cross or are folded after the motion, and were not before."""
+        return np.concatenate([self.new_crossings(after), new_folds(self.points, after, self.faces)])
 
 
 def moved_without_harm(before: Array, after: Array, faces: Array, held: Array) -> tuple[Array, int]:
@@ -109,6 +115,29 @@ def moved_without_harm(before: Array, after: Array, faces: Array, held: Array) -
         points = best
     points = _fitted(start, after, points)
     return points, int((points != after).any(axis=1).sum())
+
+
+def moved_less(before: Array, points: Array, nearer: Array, faces: Array) -> Array:
+    """Points (n, 3) that are drawn to where they are ``nearer`` to the data, as far as the surface does not fold or cross by it;
+    those of which that cannot be said stay where the data has them, with their neighbours, if that is no harm.
+
+    :param before: the data (n, 3).
+    """
+    start, found = _Before(before, faces), nearer.copy()
+    for _ in range(DRAWN):
+        left = np.isin(faces, faces[start.harmed(found)]).any(axis=1)
+        if not left.any():
+            break
+        found[faces[left]] = points[faces[left]]
+    else:
+        return points
+    far = (found != nearer).any(axis=1)
+    for _ in range(STAYED if far.any() else 0):
+        back = np.where(far[:, None], before, found)
+        if not len(start.harmed(back)):
+            return back
+        far[faces[far[faces].any(axis=1)]] = True
+    return found
 
 
 def _harm(points: Array, faces: Array) -> int:

@@ -30,7 +30,7 @@ from meshflow.flow.patch_groups import PatchGroups
 from meshflow.flow.progress import Progress
 from meshflow.flow.round_parts import with_round_parts
 from meshflow.flow.steppers import Explicit, SemiImplicit, Stepper, StepperName, SuperTime, stepper_for
-from meshflow.geometry.crossings import moved_without_harm
+from meshflow.geometry.crossings import moved_less, moved_without_harm
 from meshflow.geometry.validation import Array, whole
 from meshflow.results.afterwards import of_area, of_excess, of_lag, of_lone_samples
 from meshflow.results.result import History, Result, release
@@ -227,8 +227,9 @@ def _without_harm(data: Data, done: Data, plan: Plan, flow: Flow) -> tuple[Data,
         return done, ()
     points, less = moved_without_harm(data.points, done.points, done.faces, _free(plan, done) == 0)
     asked = plan.request.constraints.max_change is not None or plan.preserve is not None
-    if less and asked and (hold := hold_of(replace(plan, recentred=False), flow)) is not None:
-        points = hold.hold(points.copy())
+    if less and (hold := hold_of(replace(plan, recentred=False), flow)) is not None:
+        nearer = hold.hold(points.copy())
+        points = nearer if asked else moved_less(data.points, points, nearer, done.faces)
     said = f"{less} of {len(points)} points were moved differently from the method, to avoid folds and crossings of the surface"
     return replace(done, points=points), (said,) if less else ()
 
