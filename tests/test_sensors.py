@@ -26,7 +26,8 @@ QUIET = StructuredLight(sigma=0.0, flying=0.0)
 
 def test_solids_are_seen_where_the_scene_of_the_samples_has_them():
     found, scene = seen(SCENE, FULL), depth_scene()
-    assert np.array_equal(found.depth, scene.truth, equal_nan=True)
+    # Sines of numpy differ in the last bit between machines, and between arrays of other lengths.
+    np.testing.assert_allclose(found.depth, scene.truth, rtol=1e-14)
     assert np.array_equal(found.part, scene.seen)
 
 
