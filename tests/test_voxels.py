@@ -6,6 +6,8 @@ from skimage.measure import marching_cubes
 
 import meshflow
 from meshflow.estimate.voxels import voxel_edge
+from meshflow.geometry.crossings import new_crossings
+from meshflow.geometry.folds import new_folds
 
 X, Y, Z = GRID = np.mgrid[-1:1:44j, -1:1:44j, -1:1:44j]
 BALL = np.linalg.norm(GRID, axis=0) < 0.8
@@ -50,3 +52,14 @@ def test_a_rod_of_voxels_loses_its_steps():
 def test_blocks_along_the_axes_have_no_steps_and_stay(body):
     points, faces = surface(body)
     assert np.array_equal(meshflow.smooth((points, faces))[0], points)
+
+
+def test_nothing_folds_or_crosses_where_sheets_of_voxels_are_thin():
+    x, y, z = np.mgrid[-6:6:30j, -6:6:30j, -6:6:30j]
+    gyroid = np.sin(x) * np.cos(y) + np.sin(y) * np.cos(z) + np.sin(z) * np.cos(x)
+    points, faces = surface(np.abs(gyroid) < 0.4)
+    after = meshflow.smooth((points, faces), result=True).data[0]
+    assert (after != points).any()
+    assert len(new_folds(points, after, faces)) == 0  # 34 by the method alone
+    assert len(new_crossings(points, after, faces)) == 0
+    assert np.linalg.norm(after - points, axis=1).max() <= 0.5 + 1e-9

@@ -220,16 +220,19 @@ def steered(engine: Flow, plan: Plan) -> Flow:
 
 
 def _without_harm(data: Data, done: Data, plan: Plan, flow: Flow) -> tuple[Data, tuple[str, ...]]:
-    """The result of a search on a mesh without new folds and crossings, within the constraints of the caller, and a sentence if
-    points move less for that.
+    """The result of a search on a mesh, or against steps of voxels, without new folds and crossings, within the constraints of
+    the caller, and a sentence if points move less for that.
     """
-    if not isinstance(done, Mesh) or not isinstance(data, Mesh) or not plan.candidates or done.moves != "points":
+    voxels = plan.noise.how == "voxels"
+    chosen = plan.candidates or voxels
+    if not isinstance(done, Mesh) or not isinstance(data, Mesh) or not chosen or done.moves != "points":
         return done, ()
     points, less = moved_without_harm(data.points, done.points, done.faces, _free(plan, done) == 0)
-    asked = plan.request.constraints.max_change is not None or plan.preserve is not None
-    if less and (hold := hold_of(replace(plan, recentred=False), flow)) is not None:
-        nearer = hold.hold(points.copy())
-        points = nearer if asked else moved_less(data.points, points, nearer, done.faces)
+    asked = plan.request.constraints.max_change is not None or (plan.preserve is not None and not voxels)
+    if less and asked and (hold := hold_of(replace(plan, recentred=False), flow)) is not None:
+        points = hold.hold(points.copy())
+    elif less and (limit := plan.limit(flow.start())) is not None:
+        points = moved_less(data.points, points, limit.hold(points.copy()), done.faces)
     said = f"{less} of {len(points)} points were moved differently from the method, to avoid folds and crossings of the surface"
     return replace(done, points=points), (said,) if less else ()
 
