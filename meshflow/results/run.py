@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.estimate.plan import Plan
+from meshflow.estimate.plan import GIVEN, Plan
 from meshflow.estimate.planning import plan as planned
 from meshflow.estimate.planning import plan_of_flow
 from meshflow.estimate.reported import parameters_of
@@ -223,12 +223,13 @@ def _without_harm(data: Data, done: Data, plan: Plan, flow: Flow) -> tuple[Data,
     """The result of a search on a mesh, or against steps of voxels, without new folds and crossings, within the constraints of
     the caller, and a sentence if points move less for that.
     """
-    voxels = plan.noise.how == "voxels"
-    chosen = plan.candidates or voxels
+    # Against steps of voxels nothing is searched for; but the limit is found.
+    chosen = plan.candidates or plan.decided.get("max_change", GIVEN).origin == "estimated"
     if not isinstance(done, Mesh) or not isinstance(data, Mesh) or not chosen or done.moves != "points":
         return done, ()
     points, less = moved_without_harm(data.points, done.points, done.faces, _free(plan, done) == 0)
-    asked = plan.request.constraints.max_change is not None or (plan.preserve is not None and not voxels)
+    held = plan.request.constraints
+    asked = held.max_change is not None or held.preserve is not None
     if less and asked and (hold := hold_of(replace(plan, recentred=False), flow)) is not None:
         points = hold.hold(points.copy())
     elif less and (limit := plan.limit(flow.start())) is not None:
