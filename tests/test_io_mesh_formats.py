@@ -207,12 +207,20 @@ def test_stl_is_joined_and_written_as_stl(tmp_path):
     assert size == 320
 
 
-def test_stl_bytes_that_are_lost_are_said(tmp_path):
+def test_binary_stl_keeps_its_head_and_the_colours_of_its_triangles(tmp_path):
     trimesh.creation.box().export(tmp_path / "in.stl")
     content = bytearray((tmp_path / "in.stl").read_bytes())
-    content[84 + 48] = 7
+    head = b"COLOR=\x10\x20\x30\xff, mm"
+    content[: len(head)] = head
+    content[84 + 48 :: 50] = range(12)
     (tmp_path / "in.stl").write_bytes(content)
-    assert any("two bytes" in note for note in read(tmp_path / "in.stl").notes)
+    assert not any("not written" in note for note in read(tmp_path / "in.stl").notes)
+    document = read(tmp_path / "in.stl")
+    write(replace(document, data=replace(document.data, points=document.data.points * 2)), tmp_path / "out.stl")
+    out = (tmp_path / "out.stl").read_bytes()
+    assert out[:84] == content[:84]
+    assert out[84 + 48 :: 50] == content[84 + 48 :: 50]
+    assert trimesh.load(tmp_path / "out.stl").extents == pytest.approx(2.0)
 
 
 def test_parts_keep_names_transforms_and_materials(tmp_path):

@@ -1,10 +1,16 @@
 """Converts a scene of trimesh to the bytes of one file."""
 
+import numpy as np
 import trimesh
 
 from meshflow.errors import need
+from meshflow.geometry.validation import Array
 
-__all__ = ["need_3mf", "written"]
+__all__ = ["STL_HEAD", "marked_stl", "need_3mf", "written"]
+
+# Bytes of a binary STL before its number of triangles and before its triangles, of a triangle, and of its numbers; two bytes,
+# where some programs keep colours, follow these.
+STL_HEAD, _TRIANGLES, _TRIANGLE, _NUMBERS = 80, 84, 50, 48
 
 
 def need_3mf() -> None:
@@ -30,3 +36,15 @@ def written(scene: trimesh.Scene, suffix: str) -> bytes:
             need_3mf()
         content = scene.export(file_type=suffix[1:])
     return content if isinstance(content, bytes) else str(content).encode()
+
+
+def marked_stl(content: bytes, head: bytes, marks: Array) -> bytes:
+    """A binary STL with what trimesh leaves empty.
+
+    :param head: its first 80 bytes: words on the file, or the colour of the whole.
+    :param marks: (m,), the two bytes after every triangle.
+    """
+    written = np.frombuffer(content, np.uint8).copy()
+    written[:STL_HEAD] = np.frombuffer(head, np.uint8)
+    written[_TRIANGLES:].reshape(-1, _TRIANGLE)[:, _NUMBERS:] = marks.astype("<u2").view(np.uint8).reshape(-1, 2)
+    return written.tobytes()

@@ -17,7 +17,7 @@ from meshflow.geometry.validation import Array
 from meshflow.io.adapters.trimesh import attribute_of, carries, channel_of, stored_normals, with_changes
 from meshflow.io.document import Document, Imported, MeshSource, Section
 from meshflow.io.formats.gltf import lost, named
-from meshflow.io.formats.scene_bytes import need_3mf, written
+from meshflow.io.formats.scene_bytes import STL_HEAD, marked_stl, need_3mf, written
 from meshflow.io.metadata import Found, ReadOptions
 from meshflow.io.own_folder import must_stay_inside
 from meshflow.io.vertex_merging import Skin, joined, said_of
@@ -56,6 +56,7 @@ class Parts(MeshSource):
     :param channels: the name of the channels that move.
     :param suffix: of its format; empty for a scene in memory.
     :param ascii: whether it is a text STL.
+    :param head: the first bytes of a binary STL.
     """
 
     scene_read: trimesh.Scene
@@ -64,6 +65,7 @@ class Parts(MeshSource):
     channels: str | None
     suffix: str = ""
     ascii: bool = False
+    head: bytes = b""
 
     def writes(self, suffix: str) -> bool:
         """Whether it is the extension of the file."""
@@ -117,7 +119,10 @@ class Parts(MeshSource):
         if self.ascii:
             path.write_text("".join(export_stl_ascii(scene.geometry[part.name]) for part in self.parts))
             return ()
-        path.write_bytes(written(scene, self.suffix))
+        content = written(scene, self.suffix)
+        if self.head:
+            content = marked_stl(content, self.head, self.parts[0].mesh.face_attributes["stl"])
+        path.write_bytes(content)
         return ()
 
 
@@ -130,8 +135,7 @@ def read(path: Path, options: ReadOptions) -> Document:
     suffix = path.suffix.lower()
     notes = list(lost(path)) if suffix in (".glb", ".gltf") else []
     is_ascii = suffix == ".stl" and _is_ascii_stl(path)
-    if suffix == ".stl" and not is_ascii:
-        _must_be_whole(path)
+    head = _head_of_whole(path) if suffix == ".stl" and not is_ascii else b""
     if suffix in (".gltf", ".glb") and not options.allow_remote:
         advice = "move it there, or allow_remote=True"
         must_stay_inside(path, named(path), f"a {suffix[1:].upper()}", advice)
@@ -153,9 +157,7 @@ def read(path: Path, options: ReadOptions) -> Document:
     skin = Skin.of(points, faces, split=family, channels=values, moves=options.moves)
     if suffix == ".stl":
         notes.append(_apart(3 * len(faces), skin))
-        if any(np.any(part.mesh.face_attributes.get("stl", 0)) for part in parts):
-            notes.append("the two bytes of every STL triangle, where some programs keep colours, are not written again")
-    source = Parts(scene, parts, skin, options.attribute, suffix, is_ascii)
+    source = Parts(scene, parts, skin, options.attribute, suffix, is_ascii, head)
     joined_here = () if suffix == ".stl" else skin.note
     return Document(skin.data, path, source, (*joined_here, *notes, *said_of(source.sections)))
 
@@ -210,10 +212,11 @@ def _apart(corners: int, skin: Skin) -> str:
     return type(skin.note[0])(f"{said}; {skin.note[0]}")
 
 
-def _must_be_whole(path: Path) -> None:
-    """Refuse a binary STL that is shorter than its number of triangles says, by as much as a file that was cut off is.
+def _head_of_whole(path: Path) -> bytes:
+    """The first 80 bytes of a binary STL.
 
-    :raises FormatError: it says how many are expected. What begins otherwise is refused by its reader.
+    :raises FormatError: if it is shorter than its number of triangles says, by as much as a file that was cut off is. It says
+        how many are expected. What begins otherwise is refused by its reader.
     """
     size = path.stat().st_size
     with path.open("rb") as file:
@@ -226,6 +229,7 @@ def _must_be_whole(path: Path) -> None:
         raise FormatError(
             f"{path.name}: it says that it has no triangle, but {size - 84} bytes follow; export it again"
         )
+    return head[:STL_HEAD]
 
 
 def _parts_of(title: str, scene: trimesh.Scene, suffix: str) -> tuple[Part, ...]:
