@@ -52,6 +52,17 @@ def test_points_and_faces_in_the_other_order_are_seen():
     refused(lambda: smooth((FACES, POINTS)), "are they swapped")
 
 
+def test_points_in_the_plane_are_refused_where_nothing_would_move():
+    flat = POINTS[:, :2]
+    for method in (None, "quick", "curvature"):
+        refused(lambda method=method: smooth((flat, FACES), method=method), r"shape \(n, 3\) expected, got \(162, 2\)")
+    rim = np.array([(np.cos(t), np.sin(t)) for t in np.arange(12) * np.pi / 6] + [(0, 0)])
+    fan = np.column_stack([np.arange(12), (np.arange(12) + 1) % 12, np.full(12, 12)])
+    shrunk = smooth((rim, fan), method="curvature", time=0.02, boundary="neumann")[0]
+    assert np.hypot(*shrunk[:12].T).max() < 0.95  # a border that is free moves
+    smooth((flat, FACES), channels=POINTS[:, 2])  # values on it are
+
+
 @pytest.mark.parametrize(
     ("call", "words"),
     [

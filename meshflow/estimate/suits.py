@@ -53,7 +53,7 @@ def must_suit(data: Data, request: Request) -> None:
         raise InputError(f"triangles: only for meshes, got {kind}")
     _must_be_defined(data, request)
     if isinstance(data, Mesh) and data.moves != "channels":
-        return
+        return _must_bend(data, request)
     of_points = {
         "PreserveVolume and PreserveArea": request.constraints.preserve is not None,
         "triangles": request.compute.triangles not in ("auto", "clamped"),
@@ -66,6 +66,18 @@ def must_suit(data: Data, request: Request) -> None:
             what = "a mesh of which the channels move" if isinstance(data, Mesh) else kind
             suits = f"; {_methods_on(data)}" if word.startswith("method") else ""
             raise InputError(f"{word}: only for a mesh whose points move, got {what}{suits}")
+
+
+def _must_bend(data: Mesh, request: Request) -> None:
+    """Refuse points in the plane that move alone: no flow moves them but at a border that is free to shrink.
+
+    :raises InputError: it says what else they may be.
+    """
+    if data.points.shape[1] == 2 and data.moves == "points" and request.boundary in (None, "plane-preserving", "fixed"):
+        raise InputError(
+            f"mesh points: shape (n, 3) expected, got {data.points.shape}: a mesh in the plane has no curvature, so nothing would "
+            "move; give heights as the third coordinate, or values of its vertices as channels="
+        )
 
 
 def _must_be_defined(data: Data, request: Request) -> None:

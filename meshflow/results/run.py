@@ -234,7 +234,11 @@ def _without_harm(data: Data, done: Data, plan: Plan, flow: Flow) -> tuple[Data,
         points = hold.hold(points.copy())
     elif less and (limit := plan.limit(flow.start())) is not None:
         points = moved_less(data.points, points, limit.hold(points.copy()), done.faces)
-    said = f"{less} of {len(points)} points were moved differently from the method, to avoid folds and crossings of the surface"
+    other = float(np.abs(points - done.points).max(initial=0.0))
+    said = (
+        f"{less} of {len(points)} points were moved differently from the method, by at most {other:.3g}, to avoid folds and "
+        "crossings of the surface"
+    )
     return replace(done, points=points), (said,) if less else ()
 
 
