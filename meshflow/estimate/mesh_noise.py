@@ -11,7 +11,7 @@ from meshflow.estimate.edge_noise import bent_like_noise, noise_at_edges
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.noise_growth import MAD
 from meshflow.estimate.quantization import quantum_of
-from meshflow.estimate.vertex_numbers import numbers_of
+from meshflow.estimate.vertex_numbers import again, numbers_of
 from meshflow.estimate.voxels import voxel_edge
 from meshflow.flow.low_pass import filtered
 from meshflow.geometry.connectivity import connect
@@ -234,8 +234,7 @@ def _spread(
 
 def _white(numbers: Array) -> Array:
     """DRAWS samples (n, DRAWS) of white noise, from uniform numbers (n,)."""
-    # multiples of uniform numbers, modulo 1, are uniform and hardly correlated with them
-    draws = np.mod(numbers[:, None] * 17.0 ** np.arange(DRAWS), 1.0)
+    draws = np.column_stack([again(numbers, times) for times in range(DRAWS)])
     return ndtri(np.clip(draws, 1e-6, 1.0 - 1e-6))
 
 

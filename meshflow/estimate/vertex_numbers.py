@@ -7,10 +7,12 @@ import numpy as np
 from meshflow.geometry.normals import mean_edge, side_lengths
 from meshflow.geometry.validation import Array
 
-__all__ = ["drawn", "numbers_of", "signs_of"]
+__all__ = ["again", "drawn", "numbers_of", "signs_of"]
 
 # Turns per mean edge of length: the numbers of neighbours differ by many turns, and rounding is a small part of one.
 TURNS = 997.0 * (np.sqrt(5.0) - 1.0)
+# The factor between numbers and further numbers.
+FURTHER = 17.0
 # The number of frequencies: more would turn rounding into other signs.
 WAVES = 16
 
@@ -28,6 +30,14 @@ def numbers_of(points: Array, faces: Array) -> Array:
     beside = lengths.sum(axis=1, keepdims=True) - lengths  # of both sides at a corner
     around = np.bincount(faces.ravel(), beside.ravel() / step, len(points))
     return np.mod(TURNS * around, 1.0)
+
+
+def again(numbers: Array, times: int = 1) -> Array:
+    """Other uniform numbers (n,) in [0, 1) that are hardly correlated with these: their multiple by a prime, modulo 1.
+
+    :param times: how often it is taken.
+    """
+    return np.mod(numbers * FURTHER**times, 1.0)
 
 
 def drawn(values: Array, numbers: Array) -> Array:
