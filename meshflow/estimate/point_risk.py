@@ -64,8 +64,8 @@ class PointRisk:
     sigma^2. Unlike an estimate by derivatives (Stein 1981) it does not depend on how smoothly a method depends on its points; for
     the normal filter, which decides at each edge whether it is a crease, that was biased. A small mesh is split twice, with z and
     -z, and a smaller one four times. Impulsive noise is split by numbers of its own distribution, that of the residuals where the
-    surface bends little. With t = 1 noise and numbers may be exchanged, so that e - z has the mean zero whatever e + z is: the estimate has no bias for any
-    distribution. The less impulsive the noise, the smaller is the bias of a smaller t.
+    surface bends little. With t = 1 noise and numbers may be exchanged, so that e - z has the mean zero whatever e + z is: the
+    estimate has no bias for any distribution. The less impulsive the noise, the smaller is the bias of a smaller t.
 
     The normals are those of a smoothed copy. With the normals of the noisy points, the error would be underestimated for
     methods that move points along their normals. All candidates are compared with the same points and the same random numbers,

@@ -47,7 +47,7 @@ STAGES, BEST = ((10.0, 20.0), (50.0,), (100.0,), (200.0, 300.0)), (4, 3, 2, 0)
 # One of order 1, which also damps long waves, needs a quarter of the times.
 # Long times take several times as long. They are for fairings whose risk falls to the end of the short times, and is above the
 # least by no more than FARTHER sigma^2. Uniform weights, which let vertices slide until all edges are alike, are not tried for
-# the longest of them: a ball of 642 vertices lost its normals (0.6 -> 1.7 degrees) for a risk that chance had lowered by a little.
+# the longest of them: a ball of 642 vertices lost its normals (0.6 -> 1.7 degrees) for a risk that chance had lowered.
 FAIRED, FIRST = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0), 0.25
 FAIRED_LONG, FAIRED_EVEN, FARTHER = (5.6, 8.0, 11.0, 16.0, 22.0, 32.0), 4, 0.3
 FAIRINGS: tuple[tuple[int, Weights, float], ...] = (

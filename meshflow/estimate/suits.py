@@ -53,7 +53,8 @@ def must_suit(data: Data, request: Request) -> None:
         raise InputError(f"triangles: only for meshes, got {kind}")
     _must_be_defined(data, request)
     if isinstance(data, Mesh) and data.moves != "channels":
-        return _must_bend(data, request)
+        _must_bend(data, request)
+        return
     of_points = {
         "PreserveVolume and PreserveArea": request.constraints.preserve is not None,
         "triangles": request.compute.triangles not in ("auto", "clamped"),
@@ -75,8 +76,8 @@ def _must_bend(data: Mesh, request: Request) -> None:
     """
     if data.points.shape[1] == 2 and data.moves == "points" and request.boundary in (None, "plane-preserving", "fixed"):
         raise InputError(
-            f"mesh points: shape (n, 3) expected, got {data.points.shape}: a mesh in the plane has no curvature, so nothing would "
-            "move; give heights as the third coordinate, or values of its vertices as channels="
+            f"mesh points: shape (n, 3) expected, got {data.points.shape}: a mesh in the plane has no curvature, so nothing "
+            "would move; give heights as the third coordinate, or values of its vertices as channels="
         )
 
 
