@@ -15,7 +15,7 @@ from meshflow.geometry.normals import beyond, mean_edge, measured, normals_at
 from meshflow.geometry.orientation import parts
 from meshflow.geometry.validation import Array
 
-__all__ = ["PointCandidate", "PointRisk", "folded"]
+__all__ = ["FEWER", "PointCandidate", "PointRisk", "folded"]
 
 # Times of the bi-Laplacian filter with uniform weights, in squared edges: for the normals, and for the smooth copy with new
 # noise.

@@ -10,7 +10,7 @@ import numpy as np
 from meshflow.errors import NotConverged
 from meshflow.estimate.mesh_noise import PointNoise
 from meshflow.estimate.mesh_pieces import pieces
-from meshflow.estimate.point_risk import PointCandidate, PointRisk
+from meshflow.estimate.point_risk import FEWER, PointCandidate, PointRisk
 from meshflow.estimate.risk import Candidate, ranked
 from meshflow.flow.compute import Compute
 from meshflow.flow.contract import Flow
@@ -46,8 +46,9 @@ STAGES, BEST = ((10.0, 20.0), (50.0,), (100.0,), (200.0, 300.0)), (4, 3, 2, 0)
 # regular grids uniform weights are better. Orders of 4, and cotangents of the data itself, never win by more than 2 % (60 cases).
 # One of order 1, which also damps long waves, needs a quarter of the times.
 # Long times take several times as long. They are for fairings whose risk falls to the end of the short times, and is above the
-# least by no more than FARTHER sigma^2. Uniform weights, which let vertices slide until all edges are alike, are not tried for
-# the longest of them: a ball of 642 vertices lost its normals (0.6 -> 1.7 degrees) for a risk that chance had lowered.
+# least by no more than FARTHER sigma^2. Uniform weights, which let vertices slide until all edges are alike, are tried for
+# the longest of them on many vertices only, where even grids need them: a ball of 642 vertices lost its normals (0.6 -> 1.7
+# degrees) for a risk that chance had lowered.
 FAIRED, FIRST = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0), 0.25
 FAIRED_LONG, FAIRED_EVEN, FARTHER = (5.6, 8.0, 11.0, 16.0, 22.0, 32.0), 4, 0.3
 FAIRINGS: tuple[tuple[int, Weights, float], ...] = (
@@ -232,7 +233,11 @@ def searched(data: Mesh, lift: Lift, asked: Tried) -> tuple[Candidate, ...]:
             longer = [
                 [run for run in group if run.falls and run.least <= least + FARTHER * risk.sigma**2] for group in made
             ]
-            jobs += [partial(search.to, group, _scaled(_long(group), square), least) for group in longer if group]
+            jobs += [
+                partial(search.to, group, _scaled(_long(group, int(counted.sum())), square), least)
+                for group in longer
+                if group
+            ]
         going = [run for run in going if run.going and run.least <= faired + WORSE * risk.sigma**2]
         going = sorted(going, key=lambda run: run.least)[:best]
     first = 0 if asked.end is None else 1
@@ -277,10 +282,13 @@ def _stages(methods: Sequence[PointMethod], end: tuple[float, ...]) -> tuple[tup
     return (_scaled(FAIRED + FAIRED_LONG, FIRST if max(orders) == 1 else 1.0),) if orders else STAGES
 
 
-def _long(group: Sequence[_Run]) -> tuple[float, ...]:
-    """The long times of fairings with the same weights, in squared edges."""
+def _long(group: Sequence[_Run], count: int) -> tuple[float, ...]:
+    """The long times of fairings with the same weights, in squared edges.
+
+    :param count: vertices for which the error is estimated.
+    """
     uniform = any(isinstance(run.method, Fairing) and run.method.filled().weights == "uniform" for run in group)
-    return FAIRED_LONG[:FAIRED_EVEN] if uniform else FAIRED_LONG
+    return FAIRED_LONG[:FAIRED_EVEN] if uniform and count < FEWER else FAIRED_LONG
 
 
 def _scaled(times: tuple[float, ...], factor: float) -> tuple[float, ...]:
