@@ -25,7 +25,7 @@ from meshflow.surfaces.grid import Lift
 from meshflow.surfaces.mesh import Mesh
 from meshflow.surfaces.surface import Surface
 
-__all__ = ["Tried", "configurations", "searched"]
+__all__ = ["Tried", "configurations", "regularizing", "searched"]
 
 # Contrast and sharpness of the normal filter in the search: for creases, and for round shapes with creases. (4, 8) and (4, 4) in
 # addition gain 0.5 % of the angle (13 cases, the best time known). (1, 4), for round shapes, never wins beside fairings.
@@ -74,7 +74,7 @@ def configurations(step: float, altitude: float, sigma: float) -> tuple[PointMet
     :param altitude: mean over the triangles, above zero; see :func:`mean_altitude`.
     :param sigma: of the noise, unit of the points.
     """
-    regularized = min(REGULARIZED * (sigma / altitude) ** 2, LONGEST)
+    regularized = regularizing(altitude, sigma)
     made: list[PointMethod] = [
         NormalFilter(crease_contrast=contrast, crease_sharpness=sharpness, regularize=time * step**2)
         for time in ((regularized, UNEVEN) if regularized < BRIEF else (regularized,))
@@ -84,6 +84,14 @@ def configurations(step: float, altitude: float, sigma: float) -> tuple[PointMet
         Fairing(order=order, weights=weights, presmooth=presmooth * step**2) for order, weights, presmooth in FAIRINGS
     ]
     return tuple(made)
+
+
+def regularizing(altitude: float, sigma: float) -> float:
+    """The time of the initial regularization, in squared edges, for noise in all directions.
+
+    :param altitude: mean over the triangles; ``sigma``: of the noise, both in the unit of the points.
+    """
+    return min(REGULARIZED * (sigma / altitude) ** 2, LONGEST)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from meshflow.estimate.mesh_noise import IMPULSIVE, PointNoise
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.parameters import Origin
 from meshflow.estimate.plan import GIVEN, Decided, Plan
-from meshflow.estimate.point_search import Tried, configurations, searched
+from meshflow.estimate.point_search import Tried, configurations, regularizing, searched
 from meshflow.estimate.request import Request
 from meshflow.flow.conservation import Keep
 from meshflow.flow.methods.curvature import ConformalFlow, CurvatureFlow
@@ -148,11 +148,28 @@ def _featured(
         return replace(method, normal_weight=CHANNELS * data.step), {
             "normal_weight": Decided("default", f"{CHANNELS:g} edges")
         }
-    if isinstance(method, PrincipalFlow) and method.feature_length is None:
-        edges = 1.0 / (BENT + BENDS * noise.sigma * request.strength / data.step)
-        why = f"{edges:.3g} edges, h / ({BENT:g} + {BENDS:g} sigma / h)"
-        return replace(method, feature_length=edges * data.step), {"feature_length": Decided("estimated", why)}
+    if isinstance(method, PrincipalFlow):
+        return _of_principal(data, noise.sigma * request.strength, method)
     return method, {}
+
+
+def _of_principal(data: Mesh, sigma: float, method: PrincipalFlow) -> tuple[PrincipalFlow, dict[str, Decided]]:
+    """The method with its length, and the time of the initial regularization.
+
+    :param sigma: of the noise that is removed.
+    """
+    found: dict[str, Decided] = {}
+    if method.feature_length is None:
+        edges = 1.0 / (BENT + BENDS * sigma / data.step)
+        why = f"{edges:.3g} edges, h / ({BENT:g} + {BENDS:g} sigma / h)"
+        found["feature_length"] = Decided("estimated", why)
+        method = replace(method, feature_length=edges * data.step)
+    if method.regularize is None:
+        altitude = mean_altitude(data.points, data.faces)
+        edges = regularizing(altitude, sigma) if method.along == "all" and altitude > 0 else 0.0
+        found["regularize"] = Decided("estimated", f"{edges:.3g} squared edges, for noise along the surface")
+        method = replace(method, regularize=edges * data.step**2)
+    return method, found
 
 
 def _preserved(data: Mesh, request: Request, method: PointMethod) -> Keep | None:

@@ -24,6 +24,7 @@ from meshflow.flow.engines.volume import VolumeFlow
 from meshflow.flow.march import State, march
 from meshflow.flow.methods.beltrami import HeightMethod
 from meshflow.flow.methods.points import PointMethod, PointSetting
+from meshflow.flow.methods.principal import PrincipalFlow
 from meshflow.flow.mobility import slowed
 from meshflow.flow.offsets import without_offsets
 from meshflow.flow.patch_groups import PatchGroups
@@ -313,6 +314,9 @@ def stepping(flow: Flow, plan: Plan) -> tuple[Stepper | StepperName, Control | N
     if plan.points is not None and isinstance(plan.data, Mesh):
         stepper = plan.points.stepper(stepper, flow, time, plan.data.faces)
         control = FixedStep(time) if plan.points.once and control is None and time else control
+        if isinstance(plan.points, PrincipalFlow):
+            points, faces, mobility = plan.data.points, plan.data.faces, _free(plan, plan.data)
+            stepper = plan.points.begun(stepper_for(stepper, flow, time), points, faces, mobility)
     if isinstance(plan.method, HeightMethod):
         stepper, control = plan.method.stepper(stepper), plan.method.control(control)
         control = FixedStep(plan.time) if plan.method.once and control is None and plan.time else control

@@ -10,16 +10,15 @@ from meshflow.errors import InputError
 from meshflow.flow.blend import RATE, Blend, euler
 from meshflow.flow.contract import Flow, System
 from meshflow.flow.engines.dense import Dense
-from meshflow.flow.low_pass import filtered
-from meshflow.flow.methods.points import PointMethod, PointSetting
+from meshflow.flow.methods.points import PointSetting, Regularizable
+from meshflow.flow.regularization import Regularizing
 from meshflow.flow.steppers import Explicit, Stepper, StepperName
 from meshflow.geometry import normals as facets
 from meshflow.geometry import operator
 from meshflow.geometry.connectivity import connect
-from meshflow.geometry.laplacians import umbrella_generator
 from meshflow.geometry.nearness import nearest_first
 from meshflow.geometry.options import named_fields, option
-from meshflow.geometry.validation import Array, number, positive
+from meshflow.geometry.validation import Array, positive
 from meshflow.kernels.conjugate_gradients import pack_vectors
 from meshflow.surfaces.surface import Surface
 
@@ -36,7 +35,7 @@ ALMOST = 1e-9
 
 @named_fields
 @dataclass(frozen=True, kw_only=True)
-class NormalFilter(PointMethod):
+class NormalFilter(Regularizable):
     """The normals of the triangles are smoothed, except across creases, and the points are fitted to them.
 
     Use it for scans and machine parts: creases stay.
@@ -54,20 +53,12 @@ class NormalFilter(PointMethod):
         "How sharply creases are separated from smooth parts: exponent q of the flux of normals, (1 + |contrast dn|²)^(-q/2) "
         "dn. 2 is Perona and Malik, 8 almost a cutoff. Without a search: 8.",
     )
-    regularize: float | None = option(
-        None,
-        "Time of an initial bi-Laplacian filter with uniform weights, which evens out the sampling. It is for noise in "
-        "all directions, and moves points along the surface. Without a search: 0.",
-        "squared length",
-    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("crease_contrast", "crease_sharpness"):
             if getattr(self, name) is not None:
                 positive(getattr(self, name), name)
-        if self.regularize is not None and number(self.regularize, "regularize") < 0:
-            raise InputError(f"regularize: a squared length, zero or more, expected, got {self.regularize}")
 
     def filled(self) -> "NormalFilter":
         """The method with the fixed choice for options that are None."""
@@ -157,8 +148,7 @@ class NormalFilterFlow(Dense):
         """The points (n, 3) after a round, in the order of the loops."""
         how = self.how
         if first and (how.regularize or 0.0) > 0:
-            even = umbrella_generator(self._near, self.step, ~held, curve=True)
-            x = filtered(even, x, how.regularize or 0.0, 2)  # fixed vertices stay, since their rows are zero
+            x = Regularizing(self._near, self.step, np.where(held, 0.0, 1.0), how.regularize or 0.0).of(x)
         faces = self._near.faces
         normals, areas = facets.measured(x, faces)
         weights = facets.conductances(x, faces, self._across)

@@ -11,10 +11,10 @@ from meshflow.flow.contract import Flow
 from meshflow.flow.steppers import SemiImplicit, Stepper, StepperName, stepper_for
 from meshflow.geometry.delaunay import Triangles
 from meshflow.geometry.options import option
-from meshflow.geometry.validation import Array
+from meshflow.geometry.validation import Array, number
 from meshflow.surfaces.surface import Surface
 
-__all__ = ["Along", "PointMethod", "PointSetting"]
+__all__ = ["Along", "PointMethod", "PointSetting", "Regularizable"]
 
 Along = Literal["all", "normals"]
 
@@ -107,3 +107,20 @@ class PointMethod:
     def along_which(self, stepper: Stepper, faces: Array) -> Stepper:
         """The stepper, restricted to motion along normals where that is requested."""
         return stepper if self.along == "all" else AlongNormals(stepper, faces)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Regularizable(PointMethod):
+    """A method before which the sampling may be evened out."""
+
+    regularize: float | None = option(
+        None,
+        "Time of an initial bi-Laplacian filter with uniform weights, which evens out the sampling. It is for noise in "
+        "all directions, and moves points along the surface. Default: from the noise; without a search, normal-filter: 0.",
+        "squared length",
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.regularize is not None and number(self.regularize, "regularize") < 0:
+            raise InputError(f"regularize: a squared length, zero or more, expected, got {self.regularize}")

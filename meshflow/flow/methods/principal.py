@@ -12,10 +12,13 @@ from meshflow.flow.engines.mesh import MeshFlow
 from meshflow.flow.engines.metric import Given, Measured, Metric
 from meshflow.flow.engines.triangulation import Triangulation
 from meshflow.flow.family import Mass, Variant
-from meshflow.flow.methods.points import PointMethod, PointSetting
+from meshflow.flow.methods.points import PointSetting, Regularizable
+from meshflow.flow.regularization import Regularized, Regularizing
+from meshflow.flow.steppers import Stepper
 from meshflow.flow.wrapper import Around
+from meshflow.geometry.connectivity import connect
 from meshflow.geometry.curvature import directed
-from meshflow.geometry.normals import normals_at
+from meshflow.geometry.normals import mean_edge, normals_at
 from meshflow.geometry.operator import MassKind, total_area
 from meshflow.geometry.options import named_fields, option
 from meshflow.geometry.validation import Array, positive
@@ -88,7 +91,7 @@ class Principal(Around):
 
 @named_fields
 @dataclass(frozen=True, kw_only=True)
-class PrincipalFlow(PointMethod):
+class PrincipalFlow(Regularizable):
     """Mean curvature flow along the directions of small curvature; it keeps edges and corners (:class:`Principal`).
 
     Use it for edges and cylinders.
@@ -119,3 +122,14 @@ class PrincipalFlow(PointMethod):
                 f"triangles={setting.triangles!r}: principal measures directions on the triangles as they are; leave it out"
             )
         return Principal(surface, Variant(mass=self.mass), self.feature_length or 1.0)
+
+    def begun(self, stepper: Stepper, points: Array, faces: Array, mobility: Array) -> Stepper:
+        """The stepper, its first step after evening out the sampling where that has a time.
+
+        :param points: (n, 3); ``faces`` (m, 3).
+        :param mobility: (n,), from 0 (fixed) to 1.
+        """
+        if not self.regularize:
+            return stepper
+        step = mean_edge(points, faces)
+        return Regularized(stepper, Regularizing(connect((faces,), len(points)), step, mobility, self.regularize))
