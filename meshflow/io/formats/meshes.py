@@ -1,7 +1,8 @@
 """Mesh files: PLY, OBJ, STL, OFF, GLB, VTP, VTU, VTK, VTM.
 
 A file that is written in its own format changes as little as possible: PLY, OBJ and OFF keep all bytes except positions, normals
-and the channel that moved; the other formats are written by the library that reads them.
+and the channel that moved, GLB all but positions, normals and tangents unless colours move; the other formats are written by the
+library that reads them.
 """
 
 import struct

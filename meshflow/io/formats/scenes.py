@@ -16,6 +16,7 @@ from meshflow.errors import Fact, FormatError, InputError
 from meshflow.geometry.validation import Array
 from meshflow.io.adapters.trimesh import attribute_of, carries, channel_of, stored_normals, with_changes
 from meshflow.io.document import Document, Imported, MeshSource, Section
+from meshflow.io.formats.glb_bytes import GlbBytes
 from meshflow.io.formats.gltf import lost, named
 from meshflow.io.formats.scene_bytes import STL_HEAD, marked_stl, need_3mf, written
 from meshflow.io.metadata import Found, ReadOptions
@@ -57,6 +58,7 @@ class Parts(MeshSource):
     :param suffix: of its format; empty for a scene in memory.
     :param ascii: whether it is a text STL.
     :param head: the first bytes of a binary STL.
+    :param glb: the content of a GLB of which only the positions change.
     """
 
     scene_read: trimesh.Scene
@@ -66,6 +68,7 @@ class Parts(MeshSource):
     suffix: str = ""
     ascii: bool = False
     head: bytes = b""
+    glb: GlbBytes | None = None
 
     def writes(self, suffix: str) -> bool:
         """Whether it is the extension of the file."""
@@ -119,6 +122,9 @@ class Parts(MeshSource):
         if self.ascii:
             path.write_text("".join(export_stl_ascii(scene.geometry[part.name]) for part in self.parts))
             return ()
+        if self.glb is not None:
+            path.write_bytes(self.glb.with_parts([_as_stored(scene.geometry[part.name], part) for part in self.parts]))
+            return ()
         content = written(scene, self.suffix)
         if self.head:
             content = marked_stl(content, self.head, self.parts[0].mesh.face_attributes["stl"])
@@ -133,7 +139,7 @@ def read(path: Path, options: ReadOptions) -> Document:
     :raises InputError: for channels that a part does not have, or whatever the data object refuses.
     """
     suffix = path.suffix.lower()
-    notes = list(lost(path)) if suffix in (".glb", ".gltf") else []
+    missed = list(lost(path)) if suffix in (".glb", ".gltf") else []
     is_ascii = suffix == ".stl" and _is_ascii_stl(path)
     head = _head_of_whole(path) if suffix == ".stl" and not is_ascii else b""
     if suffix in (".gltf", ".glb") and not options.allow_remote:
@@ -150,6 +156,9 @@ def read(path: Path, options: ReadOptions) -> Document:
     for mesh in scene.geometry.values():
         _round_colours(mesh)
     parts = _parts_of(path.name, scene, suffix)
+    moved = suffix == ".glb" and options.attribute is None  # and no colours
+    glb = GlbBytes.of(path, [np.asarray(part.mesh.vertices) for part in parts]) if moved else None
+    notes = missed if glb is None else []
     others = len(scene.geometry) - len(parts)
     if others:
         notes.append(f"{others} parts without triangles (points, lines) stay as they are")
@@ -157,7 +166,7 @@ def read(path: Path, options: ReadOptions) -> Document:
     skin = Skin.of(points, faces, split=family, channels=values, moves=options.moves)
     if suffix == ".stl":
         notes.append(_apart(3 * len(faces), skin))
-    source = Parts(scene, parts, skin, options.attribute, suffix, is_ascii, head)
+    source = Parts(scene, parts, skin, options.attribute, suffix, is_ascii, head, glb)
     joined_here = () if suffix == ".stl" else skin.note
     return Document(skin.data, path, source, (*joined_here, *notes, *said_of(source.sections)))
 
@@ -200,6 +209,17 @@ def taken_apart(
         for one in made
     )
     return tuple(imported), to_object
+
+
+def _as_stored(mesh: object, part: Part) -> tuple[Array, Array | None]:
+    """Positions (n, 3) of a moved part, and its normals (n, 3) if they changed with them."""
+    if not isinstance(mesh, trimesh.Trimesh):
+        raise InputError(f"{part.name}: a mesh expected, got {type(mesh).__name__}")
+    points = np.asarray(mesh.vertices)
+    if part.normals is None or np.array_equal(points, part.mesh.vertices):
+        return points, None
+    normals = np.asarray(mesh.vertex_normals)
+    return points, np.where(np.any(normals, axis=1, keepdims=True), normals, part.normals)
 
 
 def _apart(corners: int, skin: Skin) -> str:
