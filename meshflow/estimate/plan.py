@@ -18,6 +18,7 @@ from meshflow.flow.controls import Until
 from meshflow.flow.family import Variant
 from meshflow.flow.methods import Method
 from meshflow.flow.methods.beltrami import HeightMethod
+from meshflow.flow.methods.normal_filter import NormalFilter
 from meshflow.flow.methods.points import PointMethod, PointSetting
 from meshflow.flow.patch_groups import PatchGroups
 from meshflow.flow.stops import Scale
@@ -108,7 +109,7 @@ class Plan:
     most_pull: float | None = None
     preserve: Keep | None = None
     recentred: bool = False
-    of_round_parts: tuple[PointMethod, float] | None = None
+    of_round_parts: tuple[NormalFilter, float] | None = None
     orientation: Orientation = AS_IT_IS
     setting: PointSetting | None = None
     base: Array | None = None

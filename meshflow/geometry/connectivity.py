@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from meshflow.geometry.once import once
 from meshflow.geometry.validation import Array, indices_of
 from meshflow.kernels import mesh_connectivity as kernels
 
@@ -45,6 +46,21 @@ class Connectivity:
     corners: Array
     border: Array
 
+    @classmethod
+    def of(cls, triangulations: tuple[Array, ...], n: int) -> "Connectivity":
+        """Connect all triangles of one or more triangulations of the same n vertices.
+
+        The boundary is that of each triangulation separately: an edge of one may be covered by a diagonal of the other.
+        """
+        if len(triangulations) == 1:
+            faces = indices_of(triangulations[0])
+            around = _around(faces, n)
+            return cls(faces, *around, _opposite_to_border(*around, faces))
+        faces = np.concatenate([indices_of(part) for part in triangulations])
+        offsets = [sum(map(len, triangulations[:i])) for i in range(len(triangulations))]
+        border = [boundary_edges(part) + 3 * at for part, at in zip(triangulations, offsets, strict=True)]
+        return cls(faces, *_around(faces, n), np.concatenate(border))
+
     @property
     def size(self) -> int:
         """Number of vertices."""
@@ -68,15 +84,10 @@ class Connectivity:
         return Pattern(indptr, indices, slots, diagonal)
 
 
+@once
 def connect(triangulations: tuple[Array, ...], n: int) -> Connectivity:
-    """Connect all triangles of one or more triangulations of the same n vertices.
-
-    The boundary is that of each triangulation separately: an edge of one may be covered by a diagonal of the other.
-    """
-    faces = np.concatenate([indices_of(part) for part in triangulations])
-    offsets = [sum(map(len, triangulations[:i])) for i in range(len(triangulations))]
-    border = np.concatenate([boundary_edges(part) + 3 * at for part, at in zip(triangulations, offsets, strict=True)])
-    return Connectivity(faces, *_around(faces, n), border)
+    """As :meth:`Connectivity.of`, for triangles that are asked for more than once."""
+    return Connectivity.of(triangulations, n)
 
 
 def boundary_edges(faces: Array) -> Array:
@@ -85,8 +96,13 @@ def boundary_edges(faces: Array) -> Array:
     Triangles with a repeated vertex have no edges; an edge of three triangles (non-manifold) is no boundary.
     """
     faces = indices_of(faces)
+    return _opposite_to_border(*_around(faces, int(faces.max(initial=-1)) + 1), faces)
+
+
+def _opposite_to_border(first: Array, corners: Array, faces: Array) -> Array:
+    """:func:`boundary_edges` of triangles whose corners around each vertex are known."""
     lonely = np.empty(3 * len(faces), np.bool_)
-    kernels.mark_border(*_around(faces, int(faces.max(initial=-1)) + 1), faces, lonely)
+    kernels.mark_border(first, corners, faces, lonely)
     return np.flatnonzero(lonely)
 
 
@@ -97,6 +113,7 @@ def _around(faces: Array, n: int) -> tuple[Array, Array]:
     return first, corners
 
 
+@once
 def shared_sides(faces: Array) -> tuple[Array, Array]:
     """Corners (e,) and (e,) opposite to the edges of exactly two triangles, one of each; corner c is ``c % 3`` of ``c // 3``.
 

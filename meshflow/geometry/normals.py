@@ -12,6 +12,7 @@ import numpy as np
 
 from meshflow.geometry.connectivity import Connectivity, shared_sides
 from meshflow.geometry.fewer_sweeps import fewer_sweeps
+from meshflow.geometry.once import once
 from meshflow.geometry.validation import Array, indices_of
 from meshflow.kernels import mesh_normals as kernels
 
@@ -25,6 +26,7 @@ __all__ = [
 SLOWEST, FOLLOWED = -1.0 / 3.0, 2.6
 
 
+@once
 def beyond(faces: Array) -> Array:
     """The triangle (m, 3) across the edge opposite each corner; -1 at the boundary, and where more than two share the edge."""
     one, other = shared_sides(faces)
@@ -105,7 +107,7 @@ class NormalDiffusion:
     sharpness: float
 
 
-def spread(normals: Array, by: NormalDiffusion, dt: float, sweeps: int) -> Array:
+def spread(normals: Array, by: NormalDiffusion, dt: float, sweeps: int, room: Array | None = None) -> Array:
     """Unit normals (m, 3) after ``sweeps`` steps of dt of an edge-preserving diffusion.
 
     A dn/dt = sum of w g (n_beyond - n), g = (1 + |contrast (n_beyond - n)|^2)^(-q / 2), the flux of a variant of gamma -1 and
@@ -113,12 +115,13 @@ def spread(normals: Array, by: NormalDiffusion, dt: float, sweeps: int) -> Array
     is stable for every dt. It is computed by fewer stages (:func:`fewer_sweeps`).
 
     :param dt: squared length.
+    :param room: (m, 3), written to as the normals themselves are then; one of the two is the result. By default new arrays.
     """
-    before, now, power = normals, normals, -0.5 * by.sharpness
+    now, out = (normals.copy(), np.empty_like(normals)) if room is None else (normals, room)
+    power = -0.5 * by.sharpness
     for keep, pull in fewer_sweeps(sweeps):
-        out = _room(before, now, normals)
         kernels.spread_normals(now, by.areas, by.weights, by.across, dt, by.contrast**2, power, keep, pull, out)
-        before, now = now, out
+        now, out = out, now
     return now
 
 
@@ -142,22 +145,21 @@ def shifted(c: Connectivity, normals: Array, weights: Array, offsets: Array, rid
     return out
 
 
-def followed(points: Array, connectivity: Connectivity, normals: Array, held: Array, sweeps: int) -> Array:
+def followed(
+    points: Array, c: Connectivity, normals: Array, held: Array, sweeps: int, rooms: tuple[Array, Array] | None = None
+) -> Array:
     """Points (n, 3) moved towards the planes of the triangles around them with normals (m, 3) (Sun et al. 2007).
 
     In a sweep x_i moves by the mean of n_f n_f . (c_f - x_i) over the triangles f around it, c_f their centroids. Motion is
     along normals only, so that nothing moves where all triangles lie in one plane. It is computed by fewer stages.
 
     :param held: (n,), points that stay.
+    :param rooms: (n, 3) and (m, 3), written to as the points themselves are then; the result is they or the first of these. By
+        default new arrays.
     """
-    before, now, heights, c = points, points, np.empty_like(normals), connectivity
+    now, (out, heights) = points, rooms or (np.empty_like(points), np.empty_like(normals))
+    now = now.copy() if rooms is None else now
     for keep, pull in fewer_sweeps(sweeps, SLOWEST, FOLLOWED):
-        out = _room(before, now, points)
         kernels.follow_normals(now, c.first, c.corners, c.faces, normals, held, keep, pull, heights, out)
-        before, now = now, out
+        now, out = out, now
     return now
-
-
-def _room(before: Array, now: Array, start: Array) -> Array:
-    """Where a stage writes: over the one before, which it reads, except for the first stage, and unless that is the start."""
-    return np.empty_like(start) if now is start else start.copy() if before is start else before

@@ -23,7 +23,8 @@ from meshflow.flow.engines.tetrahedra import TetFlow
 from meshflow.flow.engines.volume import VolumeFlow
 from meshflow.flow.march import State, march
 from meshflow.flow.methods.beltrami import HeightMethod
-from meshflow.flow.methods.points import PointMethod, PointSetting
+from meshflow.flow.methods.normal_filter import NormalFilterFlow
+from meshflow.flow.methods.points import PointMethod
 from meshflow.flow.methods.principal import PrincipalFlow
 from meshflow.flow.mobility import slowed
 from meshflow.flow.offsets import without_offsets
@@ -32,6 +33,7 @@ from meshflow.flow.progress import Progress
 from meshflow.flow.round_parts import with_round_parts
 from meshflow.flow.steppers import Explicit, SemiImplicit, Stepper, StepperName, SuperTime, stepper_for
 from meshflow.geometry.crossings import moved_less, moved_without_harm
+from meshflow.geometry.once import unwritten
 from meshflow.geometry.validation import Array, whole
 from meshflow.results.afterwards import of_area, of_excess, of_lag, of_lone_samples
 from meshflow.results.result import History, Result, release
@@ -56,7 +58,7 @@ def run(data: Data, request: Request, progress: Progress = None, *, record: bool
     :raises InputError: for data that cannot be smoothed, or options that do not suit the data.
     :raises NotConverged: when a solver or a run fails.
     """
-    with request.compute.running():
+    with request.compute.running(), unwritten():
         if isinstance(data, (Mesh, TetMesh, Volume)) or not period_of(data):
             return carried_out(planned(data, request), data, progress, record)
         wide, asked, margin = _around(data, request)
@@ -84,7 +86,7 @@ def carried_out(plan: Plan, data: Data, progress: Progress, record: bool | None)
         end = _grouped(end, plan, plan.groups)
         history = History.joined((history, _measured(end, plan))) if record is not None else history
     if plan.recentred and plan.idle is None:
-        end = _recentred(end, plan)
+        end = _recentred(end, plan, engine)
         history = History.joined((history, _measured(end, plan))) if record is not None else history
     done, warnings = plan.result(None if plan.idle is not None else end.u), plan.warnings
     if plan.idle is None:
@@ -291,18 +293,20 @@ def _grouped(end: State, plan: Plan, groups: PatchGroups) -> State:
     return replace(end, u=u, dt=0.0, reason=f"{end.reason}; then groups of similar patches")
 
 
-def _recentred(end: State, plan: Plan) -> State:
+def _recentred(end: State, plan: Plan, engine: Flow) -> State:
     """The end of a run on a mesh without mean offsets from its data, its round parts from a shorter run if the plan has one,
     within the largest change.
+
+    :param engine: of the run.
     """
     if not isinstance(plan.data, Mesh):
         return end
     data, start, limit = plan.data, end.flow.start(), plan.limit(end.flow.start())
     u = without_offsets(end.u, data.points, data.faces, _free(plan, data) == 0)
-    if plan.of_round_parts is not None and isinstance(plan.setting, PointSetting):
+    if plan.of_round_parts is not None and isinstance(engine, NormalFilterFlow):
         method, time = plan.of_round_parts
-        flow = method.engine(data.lifted(plan.lift), plan.setting)
-        u = with_round_parts(u, next(method.states(flow, start, (time,))), start, data.faces, plan.noise.sigma)
+        short = next(method.states(engine.of(method), start, (time,)))
+        u = with_round_parts(u, short, start, data.faces, plan.noise.sigma)
     return replace(end, u=u if limit is None else limit.hold(u), dt=0.0)
 
 

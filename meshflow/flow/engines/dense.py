@@ -22,5 +22,9 @@ class Dense:
 
     def size(self, *terms: tuple[float, Array], roughly: bool = False) -> tuple[float, float]:
         """The sum of c a over ``terms``, (n, k): root mean square over the vertices, and largest length."""
-        squares = np.square(sum(c * a for c, a in terms)).sum(axis=1)
+        (c, a), *more = terms
+        total = c * a
+        for c, a in more:
+            total += c * a
+        squares = np.einsum("ij,ij->i", total, total)
         return float(np.sqrt(squares.mean())), float(np.sqrt(squares.max(initial=0.0)))

@@ -8,7 +8,7 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.flow.engines.triangulation import Triangulation
 from meshflow.geometry import operator
-from meshflow.geometry.connectivity import Connectivity, connect, shared_sides
+from meshflow.geometry.connectivity import Connectivity, shared_sides
 from meshflow.geometry.delaunay import (
     THIN,
     Triangles,
@@ -134,7 +134,7 @@ class Delaunay:
         """The Delaunay triangles, by the lengths of their edges."""
         faces = triangulation.connectivity.faces
         flipped, lengths = delaunay(faces, mollified(side_lengths(x, faces)))
-        return Measured.by(connect((flipped,), triangulation.connectivity.size), *length_cotangents(lengths))
+        return Measured.by(Connectivity.of((flipped,), triangulation.connectivity.size), *length_cotangents(lengths))
 
     def area(self, triangulation: Triangulation, x: Array, sharpness: float) -> float:
         """The sum of their areas."""

@@ -1,6 +1,7 @@
 """The normal filter: the normals of the triangles are smoothed, and the points are fitted to them."""
 
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -117,46 +118,45 @@ class NormalFilterFlow(Dense):
         self.surface, self.how = surface, (how or NormalFilter()).filled()
         self.connectivity = connect(surface.triangulations, len(surface.points))
         self.step = facets.mean_edge(surface.points, self.connectivity.faces)
-        self.held = surface.fixed.copy()
+        held = surface.fixed.copy()
         if surface.boundary == "fixed":
-            self.held |= self.connectivity.rim
+            held |= self.connectivity.rim
         self._order: Array | None = None
-        self._near = self.connectivity
+        self._near, self._held = self.connectivity, held
         if len(surface.points) > LARGE:
             self._order, faces = nearest_first(surface.points, self.connectivity.faces)
-            self._near = connect((faces,), len(surface.points))
+            self._near, self._held = connect((faces,), len(surface.points)), held[self._order]
         self._across = facets.beyond(self._near.faces)
+        self._ones = np.ones(len(surface.points))
+
+    def of(self, how: NormalFilter) -> "NormalFilterFlow":
+        """The flow of another normal filter on the same surface."""
+        other = copy(self)
+        other.how = how.filled()
+        return other
 
     def rate(self, u: Array, diagonal: int = 0, blend: Blend = RATE, out: Array | None = None) -> Array:
         """The mean rate of a round; with a blend that keeps u, the normals diffuse for its dt and the points follow once."""
         round = blend.dt if blend.keep != 0.0 else ROUND * self.step**2
-        order, x = self._order, np.ascontiguousarray(u, dtype=np.float64)
-        if order is None:
-            change = self._moved(x, round, diagonal == 0, self.held)
-            change -= x
-        else:
-            near, change, ones = np.empty_like(x), np.zeros_like(x), np.ones(len(x))
-            pack_vectors(order, ones, x, near, 0)
-            moved = self._moved(near, round, diagonal == 0, self.held[order])
-            moved -= near
-            pack_vectors(order, ones, moved, change, 1)
+        x, change = np.empty((len(u), 3)), -u.astype(np.float64, copy=False)
+        pack_vectors(self._order, self._ones, np.ascontiguousarray(u, dtype=np.float64), x, 0)
+        pack_vectors(self._order, self._ones, self._moved(x, round, diagonal == 0), change, 1)
         if blend.keep == 0.0:
             return blend.of_rate(u, change / round, out)
         return blend.of_change(u, change, out)
 
-    def _moved(self, x: Array, dt: float, first: bool, held: Array) -> Array:
-        """The points (n, 3) after a round, in the order of the loops."""
-        how = self.how
+    def _moved(self, x: Array, dt: float, first: bool) -> Array:
+        """The points (n, 3) after a round, in the order of the loops; x (n, 3) is written to."""
+        how, faces = self.how, self._near.faces
         if first and (how.regularize or 0.0) > 0:
-            x = Regularizing(self._near, self.step, np.where(held, 0.0, 1.0), how.regularize or 0.0).of(x)
-        faces = self._near.faces
+            x = Regularizing(self._near, self.step, np.where(self._held, 0.0, 1.0), how.regularize or 0.0).of(x)
         normals, areas = facets.measured(x, faces)
-        weights = facets.conductances(x, faces, self._across)
+        weights, room = facets.conductances(x, faces, self._across), np.empty_like(normals)
         sweeps = max(1, round(dt / (SWEEP * self.step**2)))
         contrast, sharpness = how.crease_contrast or 2.0, how.crease_sharpness or 8.0
         by = facets.NormalDiffusion(areas, weights, self._across, contrast, sharpness)
-        normals = facets.spread(normals, by, dt / sweeps, sweeps)
-        return facets.followed(x, self._near, normals, held, FOLLOWED)
+        normals = facets.spread(normals, by, dt / sweeps, sweeps, room)
+        return facets.followed(x, self._near, normals, self._held, FOLLOWED, (np.empty_like(x), weights))
 
     def area(self, u: Array) -> float:
         """Area of the surface, squared length."""
