@@ -64,6 +64,8 @@ def everything(seed=0):
     found["shared"] = shared_sides(faces)[0]
     diffusion = normals.NormalDiffusion(areas, weights, across, 8.0, 4.0)
     found["offsets"] = normals.shifted(c, at, areas, normals.crease_weights(at, diffusion).sum(axis=1), 0.01)
+    found["averaged"] = normals.averaged(np.stack([area, areas], axis=1), 0.1 * weights, across, 50.0, 20)
+    found["vertex normals"] = normals.normals_at(points, faces)
     found["crossings"] = crossing_pairs(ball.noisy("iso", 0.5, 3), faces)
     found["directed"] = curvature.directed(points, faces, 2.0)
     found["flipped"], lengths = delaunay.delaunay(faces, normals.side_lengths(points, faces))
@@ -297,6 +299,8 @@ def sound_calls():
         (mesh_normals.triangle_normals, [points, faces, threes, np.empty(m)], [1]),
         (mesh_normals.edge_conductances, [points, faces, across, threes], [1, 2]),
         (mesh_normals.spread_normals, [cot, area, cot, across, 0.1, 1.0, -1.0, 0.0, 1.0, threes], [3]),
+        (mesh_normals.average_pairs, [cot, across, 0.1, 1.0, np.empty((m, 2)), np.empty((m, 2))], [1]),
+        (mesh_normals.vertex_normals, [*around, cot, area, to], [0, 1]),
         (mesh_normals.follow_normals, [points, *around, faces, cot, held, 0.0, 1.0, threes, to], [1, 2, 3]),
         (mesh_normals.side_lengths, [points, faces, threes], [1]),
         (mesh_normals.crease_weights, [cot, cot, across, 1.0, -1.0, threes], [2]),

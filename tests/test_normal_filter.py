@@ -8,8 +8,8 @@ from meshflow.errors import InputError
 from meshflow.evaluate.metrics import normal_angle, volume
 from meshflow.flow.controls import Until
 from meshflow.flow.march import march
-from meshflow.flow.methods import normal_filter
 from meshflow.flow.methods.normal_filter import NormalFilter, NormalFilterFlow
+from meshflow.geometry import nearness
 from meshflow.geometry import normals as facets
 from meshflow.geometry.connectivity import shared_sides
 from meshflow.geometry.fewer_sweeps import fewer_sweeps
@@ -137,7 +137,7 @@ def test_the_order_in_which_a_large_mesh_is_run_changes_nothing(monkeypatch):
     held = rng.random(len(points)) < 0.1
     how = NormalFilter(regularize=0.3 * mean_edge(CUBE, SIDES) ** 2)
     expected = run(points[order], faces, 5, how, fixed=held)
-    monkeypatch.setattr(normal_filter, "LARGE", 0)
+    monkeypatch.setattr(nearness, "LARGE", 0)
     found = run(points[order], faces, 5, how, fixed=held)
     np.testing.assert_allclose(found, expected, atol=1e-12)
     assert np.array_equal(found[held], points[order][held])

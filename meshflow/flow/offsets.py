@@ -9,9 +9,10 @@ without noise, because volume is linear in each corner of a triangle.
 import numpy as np
 
 from meshflow.geometry.connectivity import connect
-from meshflow.geometry.fewer_sweeps import widest
+from meshflow.geometry.nearness import nearest_first
 from meshflow.geometry.normals import (
     NormalDiffusion,
+    averaged,
     beyond,
     conductances,
     corner_means,
@@ -21,7 +22,6 @@ from meshflow.geometry.normals import (
     shifted,
 )  # fmt: skip
 from meshflow.geometry.validation import Array
-from meshflow.kernels.polynomials import chebyshev_degree
 
 __all__ = ["AVERAGED", "without_offsets"]
 
@@ -43,12 +43,14 @@ def without_offsets(points: Array, before: Array, faces: Array, held: Array) -> 
     """
     # A power of two changes no digits: solving squares volumes, which in other units would be beyond double precision.
     unit = 2.0 ** np.rint(np.log2(mean_edge(points, faces)))
-    x, before = np.ascontiguousarray(points, dtype=np.float64) / unit, before / unit
-    normals, areas = measured(x, faces)
-    own = np.einsum("ij,ij->i", normals, corner_means(before - x, faces))
-    offset = _averaged(own, x, faces, normals, areas)
-    change = shifted(connect((faces,), len(x)), normals, areas, offset, RIDGE)
-    return np.where(held[:, None], points, unit * (x + change)).astype(points.dtype)
+    order, near = nearest_first(before, connect((faces,), len(points)).faces)
+    at = slice(None) if order is None else order
+    x, change = np.ascontiguousarray(points[at], dtype=np.float64) / unit, np.empty(points.shape)
+    normals, areas = measured(x, near)
+    own = np.einsum("ij,ij->i", normals, corner_means(before[at] / unit - x, near))
+    offset = _averaged(own, x, near, normals, areas)
+    change[at] = shifted(connect((near,), len(x)), normals, areas, offset, RIDGE)
+    return np.where(held[:, None], points, points + unit * change).astype(points.dtype)
 
 
 def _averaged(values: Array, x: Array, faces: Array, normals: Array, areas: Array) -> Array:
@@ -60,17 +62,9 @@ def _averaged(values: Array, x: Array, faces: Array, normals: Array, areas: Arra
     m, across, square = len(faces), beyond(faces), mean_edge(x, faces) ** 2
     diffusion = NormalDiffusion(areas, conductances(x, faces, across), across, CONTRAST, SHARPNESS)
     joined = crease_weights(normals, diffusion)
-    total = joined.sum(axis=1)
-    mass = np.maximum(areas, total * (2.0 * square / FASTEST))
+    mass = np.maximum(areas, joined.sum(axis=1) * (2.0 * square / FASTEST))
     mass[mass == 0] = 1.0
-    own = np.arange(m, dtype=np.int32)[:, None]
-    columns = np.concatenate([own, np.where(across < 0, own, across)], axis=1).ravel()
-    entries = np.concatenate([total[:, None], -joined], axis=1) * (2.0 * square / FASTEST / mass)[:, None]
-    rows = 4 * np.arange(m + 1, dtype=np.int32), columns, entries.ravel()
+    joined *= (2.0 * square / FASTEST / mass)[:, None]
     now = np.stack([areas * values, areas], axis=1) / mass[:, None]
-    before, none, nothing = np.zeros_like(now), np.zeros((0, 2)), np.zeros((0, *now.shape))
-    w0, pull = widest(0.5 * AVERAGED * FASTEST, STAGES), 0.5
-    for _ in range(STAGES):
-        chebyshev_degree(*rows, -pull * (w0 + 1.0), -2.0 * pull * w0, none, now, before, nothing)
-        now, before, pull = before, now, 1.0
-    return np.divide(now[:, 0], now[:, 1], out=np.zeros(m), where=now[:, 1] > 0)
+    sums = averaged(now, joined, across, 0.5 * AVERAGED * FASTEST, STAGES)
+    return np.divide(sums[:, 0], sums[:, 1], out=np.zeros(m), where=sums[:, 1] > 0)

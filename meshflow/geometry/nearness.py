@@ -2,10 +2,13 @@
 
 import numpy as np
 
+from meshflow.geometry.once import once
 from meshflow.geometry.validation import Array
 
 __all__ = ["near_order", "nearest_first"]
 
+# Vertices above which loops run in such an order: less fit the cache in any order.
+LARGE = 50_000
 # Bits per coordinate of the curve along which vertices are ordered.
 BITS = 10
 
@@ -22,8 +25,13 @@ def near_order(points: Array) -> Array:
     return np.argsort(code, kind="stable").astype(np.int32)
 
 
-def nearest_first(points: Array, faces: Array) -> tuple[Array, Array]:
-    """The vertices (n,) in such an order, and the triangles (m, 3) of their places in it, themselves in the order of these."""
+@once
+def nearest_first(points: Array, faces: Array) -> tuple[Array | None, Array]:
+    """The vertices (n,) in such an order, and the triangles (m, 3) of their places in it, themselves in the order of these; None
+    and the triangles as they are where there are few.
+    """
+    if len(points) <= LARGE:
+        return None, faces
     order = near_order(points)
     place = np.empty_like(order)
     place[order] = np.arange(len(order), dtype=order.dtype)

@@ -10,15 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshflow.geometry.connectivity import Connectivity, shared_sides
-from meshflow.geometry.fewer_sweeps import fewer_sweeps
+from meshflow.geometry.connectivity import Connectivity, connect, shared_sides
+from meshflow.geometry.fewer_sweeps import fewer_sweeps, widest
 from meshflow.geometry.once import once
 from meshflow.geometry.validation import Array, indices_of
 from meshflow.kernels import mesh_normals as kernels
 
 __all__ = [
-    "NormalDiffusion", "beyond", "conductances", "corner_means", "crease_weights", "followed", "mean_altitude", "mean_edge",
-    "measured", "normals_at", "shifted", "side_lengths", "spread",
+    "NormalDiffusion", "averaged", "beyond", "conductances", "corner_means", "crease_weights", "followed", "mean_altitude",
+    "mean_edge", "measured", "normals_at", "shifted", "side_lengths", "spread",
 ]  # fmt: skip
 
 # The least eigenvalue of a sweep of points that follow normals: none goes farther than 4/3 of the way. Stages per root of the
@@ -74,12 +74,9 @@ def mean_altitude(points: Array, faces: Array) -> float:
 
 def normals_at(points: Array, faces: Array) -> Array:
     """Unit normals (n, 3) of the vertices, the area-weighted mean of their triangles; zero where undefined."""
-    corners = points[faces].astype(np.float64)
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    flat = faces.ravel()
-    sums = np.stack([np.bincount(flat, np.repeat(part, 3), len(points)) for part in across.T], axis=1)
-    lengths = np.linalg.norm(sums, axis=1, keepdims=True)
-    return np.divide(sums, lengths, out=np.zeros(sums.shape), where=lengths > 0)
+    c, out = connect((faces,), len(points)), np.empty((len(points), 3))
+    kernels.vertex_normals(c.first, c.corners, *measured(points, c.faces), out)
+    return out
 
 
 def conductances(points: Array, faces: Array, across: Array) -> Array:
@@ -130,6 +127,21 @@ def crease_weights(normals: Array, by: NormalDiffusion) -> Array:
     out = np.empty(by.weights.shape)
     kernels.crease_weights(normals, by.weights, by.across, by.contrast**2, -0.5 * by.sharpness, out)
     return out
+
+
+def averaged(values: Array, weights: Array, across: Array, sweeps: float, stages: int) -> Array:
+    """Values (m, 2) on triangles after so many sweeps v := v + sum of w (v_beyond - v), by fewer stages.
+
+    What alternates between neighbours is left to 1 / T(w0), T the polynomial of Chebyshev of the degree ``stages``, with the
+    :func:`widest` w0.
+
+    :param weights: w (m, 3) of the edge opposite each corner, their sums at most 1; zero where there is no triangle beyond.
+    """
+    now, before, w0, pull = values, np.zeros_like(values), widest(sweeps, stages), 0.5
+    for _ in range(stages):
+        kernels.average_pairs(weights, across, -pull * (w0 + 1.0), -2.0 * pull * w0, now, before)
+        now, before, pull = before, now, 1.0
+    return now
 
 
 def shifted(c: Connectivity, normals: Array, weights: Array, offsets: Array, ridge: float) -> Array:

@@ -206,6 +206,48 @@ inline i64 crease_weights(i64 m, const double* normals, const double* weights, c
     return with(weigh<-1>);
 }
 
+// One stage of means of pairs of values (m, 2) on triangles. With D v = sum of w (v - v_beyond) over the sides of each, weights w
+// (m, 3), before, of the stage before v, becomes scale D v - twice v - before.
+inline i64 average_pairs(i64 m, const double* weights, const i32* across, double scale, double twice, const double* values,
+                         double* before, i32 threads) {
+    return checked_blocks(m, threads, [&](i64 begin, i64 end) {
+        bool sound = true;
+        for (i64 f = begin; f < end; ++f) {
+            const double *w = weights + 3 * f, a = values[2 * f], b = values[2 * f + 1];
+            double of_a = 0.0, of_b = 0.0;
+            for (int c = 0; c < 3; ++c) {
+                const i64 g = across[3 * f + c], there = g >= 0 && g < m ? g : f;
+                sound &= g < m;
+                of_a += w[c] * (a - values[2 * there]), of_b += w[c] * (b - values[2 * there + 1]);
+            }
+            before[2 * f] = scale * of_a - twice * a - before[2 * f];
+            before[2 * f + 1] = scale * of_b - twice * b - before[2 * f + 1];
+        }
+        return sound;
+    });
+}
+
+// Unit vectors (n, 3), to out: the directions of the sums of normals (m, 3) times weights (m,) over the triangles around each vertex;
+// zero where that sum is.
+inline i64 vertex_normals(i64 n, i64 c, i64 m, const i64* first, const i32* corners, const double* normals, const double* weights,
+                          double* out, i32 threads) {
+    if (c != 3 * m) return OUT_OF_RANGE;
+    return checked_blocks(n, threads, [&](i64 begin, i64 end) {
+        if (!are_around(first, corners, begin, end, c)) return false;
+        for (i64 i = begin; i < end; ++i) {
+            Point sum{0.0, 0.0, 0.0};
+            for (i64 t = first[i]; t < first[i + 1]; ++t) {
+                const i64 f = static_cast<std::uint32_t>(corners[t]) / 3;
+                const Point k = vector_at(normals, f);
+                sum.x += weights[f] * k.x, sum.y += weights[f] * k.y, sum.z += weights[f] * k.z;
+            }
+            const double length = std::sqrt(dot(sum, sum)), by = length > 0.0 ? 1.0 / length : 0.0;
+            put(out, i, {by * sum.x, by * sum.y, by * sum.z});
+        }
+        return true;
+    });
+}
+
 // The solution of a x = b, a (3, 3) symmetric and positive definite, packed as xx, xy, xz, yy, yz, zz.
 inline Point solved(const double* a, Point b) {
     const double yz = a[3] * a[5] - a[4] * a[4], xz = a[2] * a[4] - a[1] * a[5], xy = a[1] * a[4] - a[2] * a[3];

@@ -6,8 +6,8 @@ from meshflow.kernels.gate import kernel
 from meshflow.kernels.parameters import Array, read, real, threads, write
 
 __all__ = [
-    "crease_weights", "directed_weights", "edge_conductances", "follow_normals", "shift_along_normals", "side_lengths",
-    "spread_normals", "triangle_normals",
+    "average_pairs", "crease_weights", "directed_weights", "edge_conductances", "follow_normals", "shift_along_normals",
+    "side_lengths", "spread_normals", "triangle_normals", "vertex_normals",
 ]  # fmt: skip
 
 Points = Annotated[Array, read("float64", "n", 3)]
@@ -86,6 +86,37 @@ def crease_weights(
     threads: Threads = None,
 ) -> None:
     """The weights times (1 + contrast2 |n_beyond - n|^2)^power; zero where there is no triangle beyond."""
+
+
+@kernel
+def average_pairs(
+    weights: Normals,
+    across: Across,
+    scale: Annotated[float, real],
+    twice: Annotated[float, real],
+    values: Annotated[Array, read("float64", "m", 2)],
+    before: Annotated[Array, write("float64", "m", 2)],
+    threads: Threads = None,
+) -> None:
+    """scale D v - twice v - before replaces before, the stage before the values v.
+
+    D v is the sum of w (v - v_beyond) over the sides of each triangle.
+
+    :param weights: w, of the edge opposite each corner.
+    :param across: as in :func:`edge_conductances`.
+    """
+
+
+@kernel
+def vertex_normals(
+    first: Annotated[Array, read("int64", "n+1")],
+    corners: Annotated[Array, read("int32", "c")],
+    normals: Normals,
+    weights: Annotated[Array, read("float64", "m")],
+    out: Annotated[Array, write("float64", "n", 3)],
+    threads: Threads = None,
+) -> None:
+    """The directions of the sums of the normals times weights over the triangles around each vertex; zero where that sum is."""
 
 
 @kernel

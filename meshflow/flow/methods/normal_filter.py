@@ -28,8 +28,6 @@ __all__ = ["ROUND", "NormalFilterFlow", "NormalFilter"]
 # One round, in squared edges: the normals diffuse in steps of SWEEP, then the points follow in FOLLOWED sweeps. A round is long,
 # so that the normals of noisy triangles settle before any point moves.
 ROUND, SWEEP, FOLLOWED = 10.0, 0.5, 10
-# Vertices above which the loops run in an order in which neighbours are near: less would fit the cache in any order.
-LARGE = 50_000
 # The relative rounding error of a time.
 ALMOST = 1e-9
 
@@ -121,10 +119,9 @@ class NormalFilterFlow(Dense):
         held = surface.fixed.copy()
         if surface.boundary == "fixed":
             held |= self.connectivity.rim
-        self._order: Array | None = None
+        self._order, faces = nearest_first(surface.points, self.connectivity.faces)
         self._near, self._held = self.connectivity, held
-        if len(surface.points) > LARGE:
-            self._order, faces = nearest_first(surface.points, self.connectivity.faces)
+        if self._order is not None:
             self._near, self._held = connect((faces,), len(surface.points)), held[self._order]
         self._across = facets.beyond(self._near.faces)
         self._ones = np.ones(len(surface.points))
