@@ -13,7 +13,7 @@ from meshflow.flow.stops import Scale, Stop
 from meshflow.geometry.options import named_fields
 from meshflow.geometry.validation import Array, positive
 
-__all__ = ["AreaChange", "Control", "Embedded", "FixedStep", "GrowingStep", "Until"]
+__all__ = ["AreaChange", "Control", "Embedded", "FixedStep", "GrowingStep", "LongerLater", "Until"]
 
 # The default number of steps of a semi-implicit run: the metric is then lagged by a tenth of the time.
 IMPLICIT_STEPS = 10
@@ -129,6 +129,28 @@ class GrowingStep:
             lengths.append(min(self.share * max(first, gone), longest))
             gone += lengths[-1]
         return ListedSteps(tuple(lengths))
+
+
+@named_fields
+@dataclass(frozen=True)
+class LongerLater:
+    """Steps of a share of the longest stable one up to a time, then the longest.
+
+    :param share: of the longest step.
+    :param early: that time, in longest steps.
+    """
+
+    share: float
+    early: float
+
+    def __post_init__(self) -> None:
+        positive(self.share, "share")
+        positive(self.early, "early")
+
+    def opened(self, flow: Flow, stepper: Stepper, u: Array, until: Until) -> ListedSteps:
+        """The steps of this run."""
+        longest = _ending(_longest(None, flow, stepper, u, until), until)
+        return ListedSteps((self.share * longest,) * round(self.early / self.share) + (longest,))
 
 
 @named_fields

@@ -317,7 +317,7 @@ def stepping(flow: Flow, plan: Plan) -> tuple[Stepper | StepperName, Control | N
     stepper = _stepper(flow, plan)
     if plan.points is not None and isinstance(plan.data, Mesh):
         stepper = plan.points.stepper(stepper, flow, time, plan.data.faces)
-        control = FixedStep(time) if plan.points.once and control is None and time else control
+        control = plan.points.control(control, time)
         if isinstance(plan.points, PrincipalFlow):
             points, faces, mobility = plan.data.points, plan.data.faces, _free(plan, plan.data)
             stepper = plan.points.begun(stepper_for(stepper, flow, time), points, faces, mobility)

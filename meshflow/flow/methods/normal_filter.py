@@ -10,6 +10,7 @@ import numpy as np
 from meshflow.errors import InputError
 from meshflow.flow.blend import RATE, Blend, euler
 from meshflow.flow.contract import Flow, System
+from meshflow.flow.controls import Control, LongerLater
 from meshflow.flow.engines.dense import Dense
 from meshflow.flow.methods.points import PointSetting, Regularizable
 from meshflow.flow.regularization import Regularizing
@@ -26,8 +27,11 @@ from meshflow.surfaces.surface import Surface
 __all__ = ["ROUND", "NormalFilterFlow", "NormalFilter"]
 
 # One round, in squared edges: the normals diffuse in steps of SWEEP, then the points follow in FOLLOWED sweeps. A round is long,
-# so that the normals of noisy triangles settle before any point moves.
+# so that the normals of noisy triangles settle before any point moves. After EARLY, when they have settled, rounds are LATER with
+# somewhat more sweeps of the points: with 10 less is smoothed, and in proportion to the time fillets become facets (114 cases:
+# normals 0.99 times as far off as with short rounds to the end, at worst 1.05).
 ROUND, SWEEP, FOLLOWED = 10.0, 0.5, 10
+EARLY, LATER, FOLLOWED_LATER = 100.0, 25.0, 12
 # The relative rounding error of a time.
 ALMOST = 1e-9
 
@@ -83,7 +87,9 @@ class NormalFilter(Regularizable):
         u, since, count = start, 0.0, 0
         for time in times:
             while time - since > ALMOST * time:
-                dt = min(2.0 / flow.bound(u), time - since)
+                longest = 2.0 / flow.bound(u)
+                early = since < (1.0 - ALMOST) * EARLY / LATER * longest
+                dt = min(longest * ROUND / LATER if early else longest, time - since)
                 u, since, count = flow.rate(u, count, euler(dt)), since + dt, count + 1
             yield u
 
@@ -95,6 +101,10 @@ class NormalFilter(Regularizable):
         :raises InputError: for another stepper by name.
         """
         return self.along_which(self.own_stepper(asked, Explicit()), faces)
+
+    def control(self, asked: Control | None, time: float | None) -> Control | None:
+        """The requested control, or longer rounds after a time."""
+        return LongerLater(ROUND / LATER, EARLY / LATER) if asked is None else asked
 
 
 class NormalFilterFlow(Dense):
@@ -153,15 +163,16 @@ class NormalFilterFlow(Dense):
         contrast, sharpness = how.crease_contrast or 2.0, how.crease_sharpness or 8.0
         by = facets.NormalDiffusion(areas, weights, self._across, contrast, sharpness)
         normals = facets.spread(normals, by, dt / sweeps, sweeps, room)
-        return facets.followed(x, self._near, normals, self._held, FOLLOWED, (np.empty_like(x), weights))
+        follow = FOLLOWED if dt <= (1.0 + ALMOST) * ROUND * self.step**2 else FOLLOWED_LATER
+        return facets.followed(x, self._near, normals, self._held, follow, (np.empty_like(x), weights))
 
     def area(self, u: Array) -> float:
         """Area of the surface, squared length."""
         return operator.total_area(u, self.connectivity.faces)
 
     def bound(self, u: Array) -> float:
-        """The bound that makes one explicit step one round."""
-        return 2.0 / (ROUND * self.step**2)
+        """The bound that makes one explicit step a round of the longer ones."""
+        return 2.0 / (LATER * self.step**2)
 
     def system(self, u: Array, diagonal: int = 0) -> System:
         """Not available.

@@ -8,6 +8,7 @@ from meshflow.errors import InputError
 from meshflow.flow.blend import euler
 from meshflow.flow.conservation import AlongNormals
 from meshflow.flow.contract import Flow
+from meshflow.flow.controls import Control, FixedStep
 from meshflow.flow.steppers import SemiImplicit, Stepper, StepperName, stepper_for
 from meshflow.geometry.delaunay import Triangles
 from meshflow.geometry.options import option
@@ -75,6 +76,10 @@ class PointMethod:
         """
         asked = SemiImplicit() if asked == "auto" else asked
         return asked if self.along == "all" else AlongNormals(stepper_for(asked, flow, time), faces)
+
+    def control(self, asked: Control | None, time: float | None) -> Control | None:
+        """The requested control of the steps; one step for a method that reaches its time in one."""
+        return FixedStep(time) if self.once and asked is None and time else asked
 
     def states(self, flow: Flow, start: Array, times: tuple[float, ...]) -> Iterator[Array]:
         """The coordinates (n, 3) at each of the times, squared length."""
