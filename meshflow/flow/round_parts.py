@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from meshflow.flow.conjugate_gradients import rows_of
 from meshflow.geometry.laplacians import neighbour_means
 from meshflow.geometry.normals import normals_at
 from meshflow.geometry.validation import Array
+from meshflow.kernels.conjugate_gradients import matrix_product
 
 __all__ = ["with_round_parts"]
 
@@ -47,9 +49,11 @@ def with_round_parts(long: Array, short: Array, before: Array, faces: Array, sig
 
 def _averaged(mean: Any, values: Array) -> Array:
     """Values (n, k) averaged over rounds of the neighbours."""
-    for _ in range(AROUND):
-        values = mean @ values
-    return 0.5 * (values + mean @ values)
+    rows, now, before = rows_of(mean), np.ascontiguousarray(values), np.empty(values.shape)
+    for _ in range(AROUND + 1):
+        matrix_product(*rows, now, before)
+        now, before = before, now
+    return 0.5 * (before + now)
 
 
 def _ramp(values: Array, low: float, high: float) -> Array:

@@ -62,9 +62,15 @@ def umbrella_generator(connectivity: Connectivity, step: float, moves: Array, cu
     :param step: h; of a mesh without size no vertex moves.
     :param curve: move the border as a curve, 2 / h^2 (x_i - mean of its two border neighbours); else with all neighbours.
     """
-    mean = neighbour_means(connectivity.faces.astype(np.int64), connectivity.size, "curve" if curve else "free")
-    factor = np.where(connectivity.rim & curve, 2.0, 4.0) / step**2 if step**2 > 0 else np.zeros(connectivity.size)
-    return sparse.csr_matrix(sparse.diags(np.where(moves, factor, 0.0)) @ (sparse.identity(connectivity.size) - mean))
+    c = connectivity
+    factor = np.where(moves, np.where(c.rim & curve, 2.0, 4.0), 0.0) / step**2 if step**2 > 0 else np.zeros(c.size)
+    if curve and len(c.border):
+        mean = neighbour_means(c.faces.astype(np.int64), c.size, "curve")
+        return sparse.csr_matrix(sparse.diags(factor) @ (sparse.identity(c.size) - mean))
+    pattern, others = c.pattern, np.diff(c.pattern.indptr) - 1
+    entries = np.repeat(-factor * (1.0 / np.maximum(others, 1)), others + 1)
+    entries[pattern.diagonal] = np.where(others > 0, factor, 0.0)
+    return sparse.csr_matrix((entries, pattern.indices, pattern.indptr), shape=(c.size, c.size))
 
 
 def scale_dependent_generator(mean: Any, x: Array, moves: Array) -> Any:

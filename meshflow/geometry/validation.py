@@ -11,6 +11,8 @@ Array = NDArray[Any]
 Spacing = tuple[Array | float, float]
 # The fourth power of this number still fits into double precision.
 LARGEST = 1e75
+# Points whose extent suffices to say that those of all is large enough.
+MANY = 1000
 
 __all__ = [
     "NOWHERE",
@@ -107,8 +109,12 @@ def must_have_areas(points: Array, name: str) -> None:
     :param points: (n, d), finite.
     :raises InputError: with their size.
     """
-    size = float(np.ptp(points, axis=0).max(initial=0.0)) if len(points) else 0.0
-    if 0.0 < size < 1.0 / LARGEST:
+    size = 0.0
+    for some in (points[:MANY], points):
+        size = float(np.ptp(some, axis=0).max(initial=0.0)) if len(some) else 0.0
+        if size >= 1.0 / LARGEST:
+            return
+    if size > 0.0:
         raise InputError(f"{name}: a size of {1.0 / LARGEST:g} or more expected, got {size:.3g}; scale the data")
 
 
