@@ -12,7 +12,7 @@ from meshflow.flow.methods.normal_filter import NormalFilter, NormalFilterFlow
 from meshflow.geometry import nearness
 from meshflow.geometry import normals as facets
 from meshflow.geometry.connectivity import shared_sides
-from meshflow.geometry.fewer_sweeps import fewer_sweeps
+from meshflow.geometry.fewer_sweeps import fewer_sweeps, widest
 from meshflow.geometry.normals import mean_edge
 from meshflow.smoothing import smooth
 from meshflow.surfaces.free import Axes
@@ -76,6 +76,35 @@ def test_fewer_stages_lead_as_far_as_many_sweeps_and_never_away(sweeps, least):
     np.testing.assert_allclose(now[smooth_modes], means[smooth_modes] ** sweeps, atol=0.003)
     if len(stages) < sweeps:
         assert np.abs(now[alternating]).max(initial=0.0) < 0.1
+
+
+def test_means_over_triangles_are_those_of_many_sweeps():
+    across, sweeps, stages = facets.beyond(cube(3).faces), 40, 24
+    m, w0 = len(across), widest(sweeps, stages)
+    values, weights = np.random.default_rng(5).normal(size=(m, 2)), np.full(across.shape, 0.3)
+    away = 0.9 * np.eye(m)
+    np.subtract.at(away, (np.arange(m)[:, None], across), weights)
+    chebyshev = np.polynomial.chebyshev.Chebyshev.basis(stages)
+    eigenvalues, vectors = np.linalg.eigh(away)
+    expected = vectors @ (chebyshev(w0 - 0.5 * (w0 + 1.0) * eigenvalues)[:, None] * (vectors.T @ values))
+    found = facets.averaged(values, weights, across, sweeps, stages)
+    np.testing.assert_allclose(found, expected, atol=1e-9 * chebyshev(w0))
+    many = np.linalg.matrix_power(np.eye(m) - away, sweeps) @ values
+    assert np.abs(found / chebyshev(w0) - many).max() < 0.02 * np.abs(values).max()
+
+
+def test_a_run_passes_through_the_states_of_a_search_and_rounds_are_longer_later():
+    noisy, square = along_normals(CUBE, SIDES, 0.2), mean_edge(along_normals(CUBE, SIDES, 0.2), SIDES) ** 2
+    how, engine = (
+        NormalFilter(crease_contrast=4.0),
+        NormalFilterFlow(Surface(noisy, (SIDES,)), NormalFilter(crease_contrast=4.0)),
+    )
+    times = (10.0 * square, 100.0 * square, 200.0 * square)
+    states = list(how.states(engine, noisy, times))
+    passed = list(march(engine, Until(time=times[-1]), control=how.control(None, times[-1])))
+    assert [round(state.dt / square) for state in passed[1:]] == [10] * 10 + [25] * 4
+    for at, state in zip((1, 10, 14), states, strict=True):
+        np.testing.assert_allclose(passed[at].u, state, atol=1e-13)
 
 
 def test_planes_rest_wherever_they_lie():

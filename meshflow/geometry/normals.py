@@ -130,14 +130,14 @@ def crease_weights(normals: Array, by: NormalDiffusion) -> Array:
 
 
 def averaged(values: Array, weights: Array, across: Array, sweeps: float, stages: int) -> Array:
-    """Values (m, 2) on triangles after so many sweeps v := v + sum of w (v_beyond - v), by fewer stages.
+    """T(w0) times the values (m, 2) on triangles after so many sweeps v := v + sum of w (v_beyond - v), by fewer stages.
 
-    What alternates between neighbours is left to 1 / T(w0), T the polynomial of Chebyshev of the degree ``stages``, with the
-    :func:`widest` w0.
+    T is the polynomial of Chebyshev of the degree ``stages``, w0 the :func:`widest`: what the sweeps leave of what alternates
+    between neighbours is at most 1 / T(w0).
 
     :param weights: w (m, 3) of the edge opposite each corner, their sums at most 1; zero where there is no triangle beyond.
     """
-    now, before, w0, pull = values, np.zeros_like(values), widest(sweeps, stages), 0.5
+    now, before, w0, pull = values.copy(), np.zeros_like(values), widest(sweeps, stages), 0.5
     for _ in range(stages):
         kernels.average_pairs(weights, across, -pull * (w0 + 1.0), -2.0 * pull * w0, now, before)
         now, before, pull = before, now, 1.0
