@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from meshflow.estimate.vertex_numbers import numbers_of
+from meshflow.geometry.connectivity import connect
 from meshflow.geometry.normals import beyond
+from meshflow.geometry.once import once
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.mesh import Mesh
 
@@ -25,9 +27,27 @@ def pieces(data: Mesh) -> tuple[Mesh, Array, Array]:
     """
     if len(data.points) <= ENOUGH:
         return data, ~data.fixed, np.arange(len(data.points))
-    across, m = beyond(data.faces), len(data.faces)
+    taken = _taken(data.points, data.faces)
+    faces = data.faces[taken]
+    kept, inverse = np.unique(faces, return_inverse=True)
+    around = np.diff(connect((data.faces,), len(data.points)).first)[kept]
+    cut, faces = around > np.bincount(inverse.ravel()), inverse.reshape(-1, 3)
+    for _ in range(RINGS):
+        cut[faces[cut[faces].any(axis=1)]] = True
+    alone = data.channels is None or data.moves == "points"
+    channels = None if data.channels is None or alone else data.channels[kept]
+    moves = "points" if alone else data.moves
+    piece = replace(data, points=data.points[kept], faces=faces, channels=channels, moves=moves, fixed=data.fixed[kept])
+    counted = ~(cut | data.fixed[kept])
+    return piece, counted if counted.any() else ~data.fixed[kept], kept
+
+
+@once
+def _taken(points: Array, faces: Array) -> Array:
+    """The mask (m,) of the triangles of the pieces."""
+    across, m = beyond(faces), len(faces)
     taken = np.zeros(m, bool)
-    drawn = numbers_of(data.points, data.faces)[data.faces].sum(axis=1)
+    drawn = numbers_of(points, faces)[faces].sum(axis=1)
     some = np.argpartition(drawn, min(64 * PIECES, m - 1))[: 64 * PIECES]
     first = some[np.argsort(drawn[some])]
     for _ in range(PIECES):
@@ -40,16 +60,4 @@ def pieces(data: Mesh) -> tuple[Mesh, Array, Array]:
             taken[front] = True
             size += len(front)
             front = np.unique(across[front][across[front] >= 0])
-    faces = data.faces[taken]
-    kept, inverse = np.unique(faces, return_inverse=True)
-    beside = np.zeros(len(data.points), bool)
-    beside[data.faces[~taken]] = True
-    cut, faces = beside[kept], inverse.reshape(-1, 3)
-    for _ in range(RINGS):
-        cut[faces[cut[faces].any(axis=1)]] = True
-    alone = data.channels is None or data.moves == "points"
-    channels = None if data.channels is None or alone else data.channels[kept]
-    moves = "points" if alone else data.moves
-    piece = replace(data, points=data.points[kept], faces=faces, channels=channels, moves=moves, fixed=data.fixed[kept])
-    counted = ~(cut | data.fixed[kept])
-    return piece, counted if counted.any() else ~data.fixed[kept], kept
+    return taken

@@ -14,7 +14,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 # The number of results that are kept, the last ones.
-KEPT = 6
+KEPT = 8
 _KNOWN: ContextVar[dict[Any, tuple[Any, Any]] | None] = ContextVar("known", default=None)
 
 
