@@ -12,7 +12,7 @@ import meshflow
 from meshflow.errors import InputError, NotConverged
 from meshflow.estimate.mesh_noise import noise_of_points
 from meshflow.estimate.spikes import _put_back_near
-from meshflow.estimate.voxels import voxel_edge
+from meshflow.estimate.voxels import voxels_of
 from meshflow.evaluate.metrics import normal_angle, volume
 from meshflow.geometry.folds import moved_without_folds, new_folds
 from meshflow.geometry.laplacians import neighbour_means
@@ -301,7 +301,7 @@ def test_a_clean_body_beside_a_noisy_one_stays_to_the_bit():
 @pytest.mark.parametrize("cells", [40, 60])
 def test_steps_of_voxels_are_smoothed_within_half_a_voxel_and_the_volume_kept(cells):
     points, faces, radius = ball_of_voxels(cells)
-    assert voxel_edge(points) == pytest.approx(1.0)
+    assert voxels_of(points, faces).shortest == pytest.approx(1.0)
     after = meshflow.smooth((points, faces))[0]
     normals, _ = measured(after, faces)
     middle = after[faces].mean(axis=1)
@@ -315,7 +315,7 @@ def test_steps_of_voxels_are_smoothed_within_half_a_voxel_and_the_volume_kept(ce
 
 def test_a_box_of_whole_numbers_is_no_volume_of_voxels():
     box = MAKE.box((8, 6, 4)).subdivide().subdivide().subdivide()
-    assert voxel_edge(np.array(box.vertices)) == 0.0
+    assert voxels_of(np.array(box.vertices), np.array(box.faces)) is None
 
 
 def test_what_would_fold_moves_otherwise_and_nothing_else_does():

@@ -6,14 +6,46 @@ from skimage.measure import marching_cubes
 
 import meshflow
 from meshflow import Fairing
-from meshflow.estimate.voxels import voxel_edge
+from meshflow.estimate.voxels import voxels_of
 from meshflow.geometry.crossings import new_crossings
 from meshflow.geometry.folds import new_folds
+from meshflow.geometry.volume import volume
 
 X, Y, Z = GRID = np.mgrid[-1:1:44j, -1:1:44j, -1:1:44j]
 BALL = np.linalg.norm(GRID, axis=0) < 0.8
 ROD = (np.hypot(X, Y) < 0.5) & (np.abs(Z) < 0.8)
 BLOCK = (np.abs(X) < 0.5) & (np.abs(Y) < 0.6) & (np.abs(Z) < 0.7)
+
+
+# A turn, and one of the slices of a tilted gantry.
+TURNED = np.linalg.qr(np.random.default_rng(4).normal(size=(3, 3)))[0]
+TILTED = TURNED @ [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.3, 1.0]]
+
+
+def torus_off(points):
+    """Distances from a torus of which the larger circle is in the xy plane, and their directions."""
+    ring = points * [1, 1, 0]
+    ring *= 0.55 / np.linalg.norm(ring, axis=1, keepdims=True)
+    away = points - ring
+    length = np.linalg.norm(away, axis=1)
+    return length - 0.25, away / length[:, None]
+
+
+def torus_of_voxels(spacing, turned=True):
+    """The torus, 44 cells across in the shortest direction, and its edges of a voxel as rows."""
+    steps = 2.0 / 44 * np.array(spacing)
+    way = TURNED if turned else np.eye(3)
+    places = np.stack(np.meshgrid(*(np.arange(-1.0, 1.0 + 2 * s, s) for s in steps), indexing="ij"), axis=-1)
+    inside = torus_off(places.reshape(-1, 3) @ way)[0].reshape(places.shape[:3]) < 0
+    points, faces = surface(inside)
+    return (points * steps - 1.0) @ way, faces, np.diag(steps) @ way
+
+
+def angle_and_distance(points, faces):
+    """Mean angle of the normals of the triangles with those of the torus, degrees, and mean distance of the points."""
+    normals = np.cross(*(points[faces[:, i]] - points[faces[:, 0]] for i in (1, 2)))
+    cosine = (normals * torus_off(points[faces].mean(axis=1))[1]).sum(axis=1) / np.linalg.norm(normals, axis=1)
+    return np.degrees(np.arccos(np.clip(np.abs(cosine), -1, 1))).mean(), np.abs(torus_off(points)[0]).mean()
 
 
 def surface(body):
@@ -34,7 +66,74 @@ def surface(body):
     ids=["millimetres", "in double", "small", "thick slices", "four decimals", "three decimals"],
 )
 def test_voxels_are_found_however_their_corners_were_rounded(stored, edge):
-    assert voxel_edge(stored(surface(BALL)[0])) == pytest.approx(edge, rel=1e-3)
+    points, faces = surface(BALL)
+    found = voxels_of(stored(points), faces)
+    assert found is not None
+    assert found.shortest == pytest.approx(edge, rel=1e-3)
+
+
+@pytest.mark.parametrize(("spacing", "most"), [((1, 1, 1), 2.0), ((1, 1, 2), 2.5), ((1, 3, 1), 3.5)])
+def test_a_torus_of_voxels_loses_its_steps_whatever_their_proportions(spacing, most):
+    points, faces, axes = torus_of_voxels(spacing)
+    after = meshflow.smooth((points, faces))[0]
+    angle, distance = angle_and_distance(after, faces)
+    assert angle < most, f"{angle:.2f} degrees"
+    assert distance < 0.1 * np.cbrt(np.linalg.det(axes)) * np.sign(np.linalg.det(axes))
+    assert volume(after, faces) == pytest.approx(volume(points, faces), rel=1e-4)
+    assert np.linalg.norm((after - points) @ np.linalg.inv(axes), axis=1).max() <= 0.5 + 1e-9
+
+
+@pytest.mark.parametrize("spacing", [(1, 1, 1), (0.5, 0.7, 2.0)])
+@pytest.mark.parametrize("way", [TURNED, TILTED], ids=["turned", "tilted"])
+@pytest.mark.parametrize("kind", [np.float64, np.float32])
+def test_voxels_are_found_along_any_axes(spacing, way, kind):
+    points, faces = surface(BALL)
+    axes = 0.4883 * np.diag(spacing) @ way.T
+    found = voxels_of((points @ axes + [120.0, -70.0, 30.0]).astype(kind), faces)
+    assert found is not None
+    along = found.axes @ np.linalg.inv(axes)  # the same three, in any order and sense
+    np.testing.assert_allclose(np.sort(np.abs(along).ravel()), [0, 0, 0, 0, 0, 0, 1, 1, 1], atol=1e-3)
+    assert (found.odd.sum(axis=1) == 1).all()
+
+
+def test_turned_voxels_are_smoothed_as_those_along_the_axes():
+    points, faces, _ = torus_of_voxels((1, 1, 2), turned=False)
+    after = meshflow.smooth((points, faces))[0]
+    turned = meshflow.smooth((points @ TURNED * 3.0 + 40.0, faces))[0]
+    np.testing.assert_allclose(turned, after @ TURNED * 3.0 + 40.0, atol=1e-10 * 6.0)
+
+
+@pytest.mark.parametrize("way", [np.eye(3), TURNED, TILTED], ids=["straight", "turned", "tilted"])
+def test_what_is_evenly_divided_is_no_volume_of_voxels(way):
+    rng, faces = np.random.default_rng(6), sheet(30, 40)
+    i, j = np.divmod(np.arange(1200), 40)
+    stairs = np.cumsum(np.where(rng.random((30, 1)) < 0.5, [[1, 0]], [[0, 1]]), axis=0)
+    for points in (
+        np.stack([i, j, np.rint(3 * np.sin(i / 5) + 2 * np.cos(j / 7))], axis=1),
+        np.stack([i, j + 0.5 * (i % 2), rng.integers(0, 3, 1200)], axis=1),
+        np.column_stack([stairs[i], j]),
+        np.column_stack([0.5 * stairs[i], j]),
+    ):
+        assert voxels_of(points.astype(float) @ way, faces) is None
+
+
+def test_a_plate_of_three_voxels_keeps_its_volume_and_so_does_a_ball_beside_it():
+    plate = (np.hypot(X, Y) < 0.9) & (np.abs(Z + 0.8) < 1.5 * 2 / 43)
+    ball = np.linalg.norm(GRID - np.reshape([0, 0, 0.3], (3, 1, 1, 1)), axis=0) < 0.4
+    for spacing in ([1.0, 1.0, 1.0], [0.5, 0.5, 2.0]):
+        points, faces = surface(np.pad(plate | ball, 1))
+        points *= spacing
+        after = meshflow.smooth((points, faces))[0]
+        below = points[faces[:, 0], 2] < 16 * spacing[2]
+        for part in (faces[below], faces[~below]):
+            assert volume(after, part) == pytest.approx(volume(points, part), rel=0.005)
+
+
+def sheet(rows, columns):
+    """The triangles of a grid of points."""
+    first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    cells = np.stack([first, first + columns, first + columns + 1, first + 1], axis=1)
+    return np.concatenate([cells[:, [0, 1, 2]], cells[:, [0, 2, 3]]])
 
 
 def test_a_rod_of_voxels_loses_its_steps():

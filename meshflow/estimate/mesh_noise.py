@@ -1,6 +1,6 @@
 """Estimates of the noise of a mesh: of its points along the normals, or of values on its vertices."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,8 +12,8 @@ from meshflow.estimate.noise import Noise
 from meshflow.estimate.noise_growth import MAD
 from meshflow.estimate.quantization import quantum_of
 from meshflow.estimate.vertex_numbers import again, numbers_of
-from meshflow.estimate.voxels import voxel_edge
 from meshflow.flow.low_pass import filtered
+from meshflow.flow.within_voxels import VoxelEdges
 from meshflow.geometry.connectivity import connect
 from meshflow.geometry.laplacians import cotangent_means, means_over_diagonals, neighbour_means, umbrella_generator
 from meshflow.geometry.normals import mean_edge, normals_at
@@ -53,8 +53,6 @@ LEAKED, ALTERNATING, SMOOTH, LARGE = 1.3, -0.19, 1.1, 0.2
 GAUSSIAN, IMPULSIVE, SPREAD = 3.0, 3.5, 6
 # The kurtosis above which correlation is not estimated, because impulses also correlate neighbours.
 SURE = 10.0
-# The root mean square distance of the vertices from the surface that was voxelized, in edges of voxels.
-IN_STEPS = 0.2
 # Noise is white unless its correlation is beyond this share of the interval from that of white noise to that of one round (16
 # shapes, 4 seeds: white noise -0.7 to 0.6, one round 0.5 to 1.3). Both are means over DRAWS samples of noise.
 SURELY, DRAWS = 0.65, 4
@@ -68,12 +66,12 @@ class PointNoise(Noise):
 
     :ivar kurtosis: fourth moment over the squared second one; 3 for Gaussian noise, more if some vertices are far off.
     :ivar spread: number of rounds of neighbour means that give white noise the same correlation; 0: white.
-    :ivar voxel: the edge of the voxels if the mesh is a level set of a binary volume; 0 for any other.
+    :ivar voxels: the edges of the voxels if the mesh is a level set of a binary volume; None for any other.
     """
 
     kurtosis: float = GAUSSIAN
     spread: int = 0
-    voxel: float = 0.0
+    voxels: VoxelEdges | None = field(default=None, repr=False, compare=False)
 
     @property
     def is_plain(self) -> bool:
@@ -133,10 +131,6 @@ def noise_of_points(points: Array, faces: Array, counted: Array | None = None) -
     :param faces: (m, 3).
     :param counted: (n,), mask of the vertices that are used; None: all.
     """
-    voxel = voxel_edge(points[np.unique(faces)])
-    if voxel > 0:
-        sigma = IN_STEPS * voxel
-        return PointNoise(sigma, 0.0, (sigma,), how="voxels", voxel=voxel)
     x, n = points.astype(np.float64), len(points)
     umbrella: Any = sparse.csr_matrix(sparse.identity(n) - neighbour_means(faces, n, "free"))
     gain = _gain(umbrella)

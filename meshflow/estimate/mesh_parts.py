@@ -6,6 +6,7 @@ import numpy as np
 
 from meshflow.estimate.mesh_noise import PointNoise, noise_of_points
 from meshflow.estimate.mesh_pieces import pieces
+from meshflow.estimate.voxels import blocks_of, voxels_of
 from meshflow.geometry.orientation import alike, parts
 from meshflow.geometry.validation import Array
 from meshflow.surfaces.mesh import Mesh
@@ -14,6 +15,8 @@ __all__ = ["noise_by_parts", "turned_alike"]
 
 # The largest number of parts that are examined separately, and their least number of vertices.
 MOST, LEAST = 16, 50
+# The root mean square distance of the vertices from the surface that was voxelized, in edges of voxels.
+IN_STEPS = 0.2
 
 
 def turned_alike(data: Mesh) -> tuple[Mesh, tuple[str, ...]]:
@@ -32,6 +35,8 @@ def noise_by_parts(data: Mesh) -> tuple[PointNoise, Array]:
     For a large mesh or part it is estimated on some pieces.
     """
     count, label = parts(data.faces, len(data.points))
+    if (found := _of_voxels(data.points, data.faces)) is not None and found.voxels is not None:
+        return found, blocks_of(found.voxels, data.points, label)
     clean = np.zeros(len(data.points), bool)
     sizes = np.bincount(label, minlength=count)
     large = [part for part in np.argsort(-sizes, kind="stable")[:MOST] if sizes[part] >= LEAST]
@@ -39,11 +44,22 @@ def noise_by_parts(data: Mesh) -> tuple[PointNoise, Array]:
         return _noise_of(data), clean
     of_face = label[data.faces[:, 0]]
     for part in large:
-        if _noise_of(_alone(data, of_face == part)).sigma == 0:
+        alone = _alone(data, of_face == part)
+        if _noise_of(alone).sigma == 0 and voxels_of(alone.points, alone.faces) is None:
             clean |= label == part
     if not clean.any() or all(clean[label == part].all() for part in large):
         return _noise_of(data), np.zeros_like(clean)
-    return _noise_of(_alone(data, ~clean[data.faces[:, 0]])), clean
+    left = ~clean[data.faces[:, 0]]
+    return _of_voxels(data.points, data.faces[left]) or _noise_of(_alone(data, left)), clean
+
+
+def _of_voxels(points: Array, faces: Array) -> PointNoise | None:
+    """The noise of a level set of a binary volume; None for any other mesh."""
+    voxels = voxels_of(points, faces)
+    if voxels is None:
+        return None
+    sigma = IN_STEPS * voxels.across
+    return PointNoise(sigma, 0.0, (sigma,), how="voxels", voxels=voxels)
 
 
 def _noise_of(data: Mesh) -> PointNoise:

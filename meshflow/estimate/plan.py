@@ -13,11 +13,12 @@ from meshflow.estimate.preparation import Preparation
 from meshflow.estimate.request import Request
 from meshflow.estimate.risk import Candidate
 from meshflow.flow.conservation import Keep
-from meshflow.flow.constraints import Limit
+from meshflow.flow.constraints import Hold, Limit
 from meshflow.flow.controls import Until
 from meshflow.flow.family import Variant
 from meshflow.flow.methods import Method
 from meshflow.flow.methods.beltrami import HeightMethod
+from meshflow.flow.methods.between_voxels import BetweenVoxels
 from meshflow.flow.methods.normal_filter import NormalFilter
 from meshflow.flow.methods.points import PointMethod, PointSetting
 from meshflow.flow.patch_groups import PatchGroups
@@ -199,6 +200,15 @@ class Plan:
         request = self.request
         time = None if request.steps is not None and not request.until_time else self.time
         return Until(time, request.steps, request.stops, scale=self._scale())
+
+    def hold(self, start: Array) -> Hold | None:
+        """The limit on all coordinates; of a surface of voxels half of one, unless another one is given.
+
+        :param start: u (n, k) of the flow, before its first step.
+        """
+        if self.max_change is None and isinstance(self.method, BetweenVoxels) and isinstance(self.data, Mesh):
+            return self.method.hold(start, self.data.faces)
+        return self.limit(start)
 
     def limit(self, start: Array) -> Limit | None:
         """The limit on all coordinates.

@@ -13,6 +13,7 @@ from meshflow.estimate.plan import GIVEN, Decided, Plan
 from meshflow.estimate.point_search import Tried, configurations, regularizing, searched
 from meshflow.estimate.request import Request
 from meshflow.flow.conservation import Keep
+from meshflow.flow.methods.between_voxels import BetweenVoxels
 from meshflow.flow.methods.curvature import ConformalFlow, CurvatureFlow
 from meshflow.flow.methods.fairing import Fairing
 from meshflow.flow.methods.normal_channels import NormalChannels
@@ -20,6 +21,7 @@ from meshflow.flow.methods.normal_filter import NormalFilter
 from meshflow.flow.methods.points import Along, PointMethod, PointSetting
 from meshflow.flow.methods.principal import PrincipalFlow
 from meshflow.flow.methods.searched import Search
+from meshflow.flow.within_voxels import VoxelEdges
 from meshflow.geometry.connectivity import boundary_edges
 from meshflow.geometry.delaunay import is_thin
 from meshflow.geometry.normals import mean_altitude
@@ -54,10 +56,9 @@ RECENTRED = Decided("estimated", "the noise has no mean along the normals, over 
 SHORT, ROUNDER = 10.0, (8.0, 2.0)
 ROUND_PARTS = Decided("estimated", "where it is nearer to the data than the long one, which leaves facets")
 # Order and time of the low-pass filter that removes steps of voxels, and the time of smoothing before cotangents are
-# measured, in squared edges. Orders of 4 and 10 leave rings on flat parts. With uniform weights, which move vertices along
-# the surface by more than half a voxel, the normals are off by half as much again or twice as much (balls, ellipsoids, a
-# torus, a body; 40 to 80 cells).
-VOXELS, SMOOTH, LEVEL = 2, 2.0, 2.0
+# measured, in squared edges. Order 4 is as good on round bodies, and leaves rings on flat parts; with twice the time
+# balls gain and thin plates lose (nine shapes; 40 to 100 cells; voxels of 1 x 1 x 1 to 1 x 1 x 4).
+VOXELS, SMOOTH, LEVEL = 3, 4.0, 1.0
 
 
 def moving(data: Mesh, request: Request, noise: Noise, mobility: Array | None = None) -> Plan:
@@ -220,8 +221,9 @@ def _shaped(data: Mesh, request: Request, noise: Noise, mobility: Array | None) 
         data, request, noise, methods[0], lift, 0.0, mobility=mobility, preserve=preserve, setting=setting,
         decided=_of_shaped(request, noise),
     )  # fmt: skip
-    if isinstance(noise, PointNoise) and noise.how == "voxels" and not asked and request.searching and len(methods) > 1:
-        return _of_voxels(plan, noise)
+    voxels = noise.voxels if isinstance(noise, PointNoise) else None
+    if voxels is not None and not asked and request.searching and len(methods) > 1:
+        return _of_voxels(plan, voxels)
     time, when = (0.0, Decided()) if timed is None else (float(timed), GIVEN)
     found = False
     if noise.sigma == 0 and not asked:
@@ -274,9 +276,9 @@ def _of_points(noise: Noise) -> PointNoise:
     return noise if isinstance(noise, PointNoise) else PointNoise(noise.sigma, 0.0)
 
 
-def _of_voxels(plan: Plan, noise: PointNoise) -> Plan:
-    """The plan against steps of voxels: a short low-pass filter, with changes of at most half a voxel, and the volume
-    preserved.
+def _of_voxels(plan: Plan, voxels: VoxelEdges) -> Plan:
+    """The plan against steps of voxels: a short low-pass filter between the voxels, with changes of at most half a voxel, and
+    the volume preserved.
     """
     strength, why = plan.request.strength, Decided("estimated", "steps of voxels")
     time = SMOOTH * plan.data.step**2 * strength**2
@@ -291,8 +293,9 @@ def _of_voxels(plan: Plan, noise: PointNoise) -> Plan:
     }
     if isinstance(plan.data, Mesh) and plan.preserve is None and _is_filled(plan.data):
         plan = plan.with_({"preserve": why}, preserve="volume")
-    method = Fairing(order=VOXELS, weights="cotangent", presmooth=LEVEL * plan.data.step**2, along=along)
-    return plan.with_(found, method=method, time=time, max_change=0.5 * noise.voxel)
+    presmooth = LEVEL * plan.data.step**2
+    method = BetweenVoxels(order=VOXELS, weights="cotangent", presmooth=presmooth, along=along, edges=voxels)
+    return plan.with_(found, method=method, time=time)
 
 
 def _of_shaped(request: Request, noise: Noise) -> dict[str, Decided]:

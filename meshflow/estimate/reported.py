@@ -8,6 +8,7 @@ from meshflow.estimate.plan import Decided, Part, Plan
 from meshflow.estimate.risk import Candidate
 from meshflow.flow.controls import AreaChange, Embedded, FixedStep
 from meshflow.flow.methods.beltrami import HeightMethod
+from meshflow.flow.methods.between_voxels import BetweenVoxels
 from meshflow.flow.stops import AreaLoss, Displacement, Residual, When
 from meshflow.geometry.options import options_of
 from meshflow.geometry.validation import truth_of
@@ -132,6 +133,8 @@ def _of_constraints(plan: Plan) -> dict[str, Parameter]:
     if plan.max_change is not None:
         most = float(plan.max_change) if np.ndim(plan.max_change) == 0 else "one per sample"
         found["max_change"] = _decided(plan, "max_change", most, value_unit(plan.data))
+    elif isinstance(plan.method, BetweenVoxels):
+        found["max_change"] = _decided(plan, "max_change", 0.5, "voxels")
     if plan.pull is not None:
         found["data_weights"] = Parameter("weights", "", "given", "1 / squared value")
     if asked.mask is not None:

@@ -81,7 +81,13 @@ def with_smooth_rims(data: SurfaceData, request: Request, noise: Noise) -> tuple
     :param noise: of the surface along its normals.
     """
     asked = not request.is_open or request.boundary is not None or request.constraints.mobility is not None
-    if asked or not isinstance(data, Mesh) or not isinstance(noise, PointNoise) or noise.sigma == 0 or noise.voxel > 0:
+    if (
+        asked
+        or not isinstance(data, Mesh)
+        or not isinstance(noise, PointNoise)
+        or noise.sigma == 0
+        or noise.voxels is not None
+    ):
         return data, ""
     connectivity, x = connect((data.faces,), len(data.points)), data.points.astype(np.float64)
     rim = _rim_of(connectivity, x, noise.sigma, data.fixed)

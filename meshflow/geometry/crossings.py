@@ -21,8 +21,9 @@ SOME = 1024
 SMOOTHED, HALVED, STAYED = 8, 3, 5
 # Sweeps in which what was mended follows the normals around it, and rounds in which what does not fit is left as it is.
 FITTED, LEFT = 10, 3
-# Rounds in which what folds or crosses by being drawn to the data stays as it is, each time with one more ring around it.
-DRAWN = 8
+# Rounds in which what folds or crosses by being drawn to the data stays as it is, each time with one more ring around it; and
+# rounds in which it is put back to the data, likewise.
+DRAWN, BACK = 8, 20
 
 
 def crossing_pairs(points: Array, faces: Array) -> Array:
@@ -130,9 +131,9 @@ def moved_less(before: Array, points: Array, nearer: Array, faces: Array) -> Arr
             break
         found[faces[left]] = points[faces[left]]
     else:
-        return points
+        found = points
     far = (found != nearer).any(axis=1)
-    for _ in range(STAYED if far.any() else 0):
+    for _ in range(BACK if far.any() else 0):
         back = np.where(far[:, None], before, found)
         if not len(start.harmed(back)):
             return back

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from meshflow.errors import InputError
-from meshflow.estimate.plan import GIVEN, Plan
+from meshflow.estimate.plan import Plan
 from meshflow.estimate.planning import plan as planned
 from meshflow.estimate.planning import plan_of_flow
 from meshflow.estimate.reported import parameters_of
@@ -23,6 +23,7 @@ from meshflow.flow.engines.tetrahedra import TetFlow
 from meshflow.flow.engines.volume import VolumeFlow
 from meshflow.flow.march import State, march
 from meshflow.flow.methods.beltrami import HeightMethod
+from meshflow.flow.methods.between_voxels import BetweenVoxels
 from meshflow.flow.methods.normal_filter import NormalFilterFlow
 from meshflow.flow.methods.points import PointMethod
 from meshflow.flow.methods.principal import PrincipalFlow
@@ -226,8 +227,7 @@ def _without_harm(data: Data, done: Data, plan: Plan, flow: Flow) -> tuple[Data,
     """The result of a search on a mesh, or against steps of voxels, without new folds and crossings, within the constraints of
     the caller, and a sentence if points move less for that.
     """
-    # Against steps of voxels nothing is searched for; but the limit is found.
-    chosen = plan.candidates or plan.decided.get("max_change", GIVEN).origin == "estimated"
+    chosen = plan.candidates or isinstance(plan.method, BetweenVoxels)  # nothing is searched for there
     if not isinstance(done, Mesh) or not isinstance(data, Mesh) or not chosen or done.moves != "points":
         return done, ()
     points, less = moved_without_harm(data.points, done.points, done.faces, _free(plan, done) == 0)
@@ -235,7 +235,7 @@ def _without_harm(data: Data, done: Data, plan: Plan, flow: Flow) -> tuple[Data,
     asked = held.max_change is not None or held.preserve is not None
     if less and asked and (hold := hold_of(replace(plan, recentred=False), flow)) is not None:
         points = hold.hold(points.copy())
-    elif less and (limit := plan.limit(flow.start())) is not None:
+    elif less and (limit := plan.hold(flow.start())) is not None:
         points = moved_less(data.points, points, limit.hold(points.copy()), done.faces)
     other = float(np.abs(points - done.points).max(initial=0.0))
     said = (
@@ -284,7 +284,7 @@ def _blended(plan: Plan, first: State) -> State:
 
 def _grouped(end: State, plan: Plan, groups: PatchGroups) -> State:
     """The end of a run after the second stage; fixed samples do not change."""
-    grid, limit = plan.grid, plan.limit(end.flow.start())
+    grid, limit = plan.grid, plan.hold(end.flow.start())
     first = np.ascontiguousarray(end.u.T).reshape(grid.planes.shape).astype(grid.planes.dtype)
     planes = groups.filtered(np.ascontiguousarray(grid.planes), first, grid.missing, plan.request.compute.threads)
     planes[:, grid.fixed] = first[:, grid.fixed]
@@ -301,7 +301,7 @@ def _recentred(end: State, plan: Plan, engine: Flow) -> State:
     """
     if not isinstance(plan.data, Mesh):
         return end
-    data, start, limit = plan.data, end.flow.start(), plan.limit(end.flow.start())
+    data, start, limit = plan.data, end.flow.start(), plan.hold(end.flow.start())
     u = without_offsets(end.u, data.points, data.faces, _free(plan, data) == 0)
     if plan.of_round_parts is not None and isinstance(engine, NormalFilterFlow):
         method, time = plan.of_round_parts
@@ -349,7 +349,7 @@ def _stepper(flow: Flow, plan: Plan) -> Stepper | StepperName:
 
 def hold_of(plan: Plan, flow: Flow) -> Hold | None:
     """The constraint that holds after every step; the largest change only at the end where mean offsets are removed first."""
-    limit = None if plan.recentred else plan.limit(flow.start())
+    limit = None if plan.recentred else plan.hold(flow.start())
     if plan.preserve is None or not isinstance(plan.data, Mesh):
         return limit
     kept = Kept(plan.preserve, plan.data.faces, flow.start(), _free(plan, plan.data))
