@@ -76,12 +76,13 @@ def _grids(x: Array, faces: Array, size: float) -> Iterator[_Grid]:
     yield from _along(x, faces, np.eye(3), size, roundings)
     rounding = float(np.linalg.norm(roundings))
     some, near = np.unique(faces[_runs(len(faces))], return_inverse=True)
+    around = x - x.mean(axis=0)
     for frame in voxel_frames(x, faces, rounding):
         if np.linalg.cond(frame) > THICKEST:
             continue
-        turned, roundings = (x - x.mean(axis=0)) @ np.linalg.inv(frame), [2.0 * rounding] * 3
-        if any(_along(turned[some], near.reshape(-1, 3), frame, size, roundings)):
-            yield from _along(turned, faces, frame, size, roundings)
+        to_frame, roundings = np.linalg.inv(frame), [2.0 * rounding] * 3
+        if any(_along(around[some] @ to_frame, near.reshape(-1, 3), frame, size, roundings)):
+            yield from _along(around @ to_frame, faces, frame, size, roundings)
 
 
 def _runs(count: int) -> Array:
