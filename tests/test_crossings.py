@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import Delaunay
 
 import meshflow
-from meshflow.estimate.points import MOST
+from meshflow.estimate.point_limits import MOST
 from meshflow.geometry.crossings import crossing_pairs, moved_without_harm, new_crossings
 from meshflow.geometry.folds import new_folds
 from meshflow.synthetic import shapes

@@ -1,16 +1,18 @@
 """Estimates of the noise of a mesh: of its points along the normals, or of values on its vertices."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sparse
 from scipy.special import ndtri
 
+from meshflow.estimate.correlated_noise import LEFT_IF_SHORT, LEFT_ON_SMOOTH, Waves
 from meshflow.estimate.edge_noise import bent_like_noise, noise_at_edges
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.noise_growth import MAD
 from meshflow.estimate.quantization import quantum_of
+from meshflow.estimate.rounded_points import quanta_of
 from meshflow.estimate.vertex_numbers import again, numbers_of
 from meshflow.flow.low_pass import filtered
 from meshflow.flow.within_voxels import VoxelEdges
@@ -37,6 +39,19 @@ SIMPLIFIED = ((-0.23, -0.205, -0.28), (-0.205, -0.08, 0.12))
 # The least number of edges without a flat edge at either end, and the least share of their vertices; otherwise no noise is
 # reported.
 EDGES, SHARE = 24, 0.04
+# Where residuals do not alternate, correlated noise is looked for if this share of the vertices has no flat edge: noise leaves
+# none.
+EVERYWHERE = 0.95
+# On coarse models the shape is in all bands of waves: correlated noise that seems to be stronger than this, in mean edges, is
+# none.
+STRONGEST = 0.4
+# Noise that is not everywhere, and weaker than this, is the sampling: a level set on a grid is 0.02 mean edges off its smooth
+# shape.
+WEAKEST = 0.05
+# Noise that seems to be white is correlated if its waves say so, and that it is this many times as strong.
+STRONGER = 1.25
+# The bounds of the shortest waves, in standard deviations of the rounding of coordinates, if that is the noise.
+ROUNDED = (0.6, 1.6)
 # Time of the bi-Laplacian filter for the normals of the vertices, in squared edges. With strong noise the normals of the data
 # have errors of 30 degrees, and sigma along them would be 16 % too low.
 SETTLED = 1.0
@@ -67,11 +82,15 @@ class PointNoise(Noise):
     :ivar kurtosis: fourth moment over the squared second one; 3 for Gaussian noise, more if some vertices are far off.
     :ivar spread: number of rounds of neighbour means that give white noise the same correlation; 0: white.
     :ivar voxels: the edges of the voxels if the mesh is a level set of a binary volume; None for any other.
+    :ivar left: the largest share of its variance that the best method may leave; if more is left, it may be the shape.
+    :ivar quanta: of the coordinates, if rounding is the noise; empty for any other.
     """
 
     kurtosis: float = GAUSSIAN
     spread: int = 0
     voxels: VoxelEdges | None = field(default=None, repr=False, compare=False)
+    left: float = 1.0
+    quanta: tuple[float, ...] = ()
 
     @property
     def is_plain(self) -> bool:
@@ -139,38 +158,28 @@ def noise_of_points(points: Array, faces: Array, counted: Array | None = None) -
         return PointNoise(0.0, 0.0, (0.0,))
     upright = normals_at(x, faces)
     bend, rough = _along(umbrella, x, upright, gain)
-    noisy, least = _is_noisy(umbrella, bend, rough, inner & ~beside_flat_edges(x, faces))
+    free = inner & ~beside_flat_edges(x, faces)
+    noisy, least = _is_noisy(umbrella, bend, rough, free)
+    none = PointNoise(0.0, 0.0, (0.0,), how="differences")
     simplified = least is not None and bent_like_noise(x, faces, upright, _white(numbers_of(x, faces))) < least
-    if not noisy or simplified:
-        return PointNoise(0.0, 0.0, (0.0,), how="differences")
+    noisy, quanta = noisy and not simplified, quanta_of(points[np.unique(faces)])
+    if not noisy and quanta is None and free.sum() < EVERYWHERE * inner.sum():
+        return none
     step = mean_edge(x, faces)
     even = umbrella_generator(connect((faces,), n), step, gain > 0, True)
-    settled = filtered(even, x, SETTLED * step**2, 2)
-    normals = normals_at(settled, faces)
-    graph = _Graph(umbrella, gain)
+    normals = normals_at(filtered(even, x, SETTLED * step**2, 2), faces)
     bend, rough = _along(umbrella, x, normals, gain)
     bends = _along(umbrella, filtered(even, x, CALM * step**2, 2), normals, gain)[0] ** 2
-    both: Any = sparse.csr_matrix(sparse.identity(n) - means_over_diagonals(x, faces, normals))
-    whole = _Graph(both, _gain(both))
-    clear = _along(both, x, normals, whole.gain)[1]
-    around = _spread_out(umbrella, bends, NEAR)
-    calm = inner & (around <= np.quantile(around[inner], CALMEST))
-    sigma, at_edges = MAD * float(np.median(np.abs(clear[calm]))), noise_at_edges(x, faces, inner)
-    if sigma <= _rounding(points):
-        return PointNoise(0.0, 0.0, (0.0,), how="differences")
-    kurtosis = float(np.mean(clear[calm] ** 4) / np.mean(clear[calm] ** 2) ** 2)
-    leaked = kurtosis <= SURE and at_edges < min(sigma / LEAKED, LARGE * step)
-    if leaked and _correlation(umbrella, rough, calm) > ALTERNATING:
-        return PointNoise(at_edges, 0.0, (at_edges,), how="differences")
-    spread, share = 0, 1.0
-    if sigma <= SMOOTH * at_edges and kurtosis <= SURE:
-        around = _spread_out(umbrella, around, AROUND - NEAR)
-        region = inner & (around <= np.quantile(around[inner], CALMEST))
-        found = _alternation(umbrella, bend, rough, region)
-        spread, share = _spread(graph, whole, region, found, numbers_of(x, faces))
-    kurtosis = GAUSSIAN if spread else kurtosis
-    sigma = sigma / share if kurtosis <= IMPULSIVE else float(np.sqrt(np.mean(clear[calm] ** 2)))
-    return PointNoise(sigma, 0.0, (sigma,), how="differences", kurtosis=kurtosis, spread=spread)
+    seen = _Seen(_Graph(umbrella, gain), bend, rough, inner, _spread_out(umbrella, bends, NEAR), step)
+    waves = seen.waves(numbers_of(x, faces))
+    rounded = _rounded(waves, quanta)
+    if rounded is not None:
+        return rounded
+    if noisy:
+        found = _alternating(seen, x, faces, normals)
+    else:
+        found = seen.correlated(waves) if free.sum() >= EVERYWHERE * inner.sum() else None
+    return none if found is None or found.sigma <= _rounding(points) else found
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,6 +193,91 @@ class _Graph:
         """(I - A)^2 applied to values (n, k), divided by its response."""
         gain = self.gain[:, None]
         return np.divide(self.umbrella @ (self.umbrella @ values), gain, out=np.zeros_like(values), where=gain > 0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """What is measured along the normals of a smoothed copy.
+
+    :ivar bend: (n,), distance of each point from the mean of its neighbours; ``rough``: (n,), residuals.
+    :ivar inner: (n,), mask of the vertices that are used.
+    :ivar around: (n,), the squared curvature of a smoother copy, mean over NEAR rounds of neighbours.
+    :ivar step: the mean edge.
+    """
+
+    graph: _Graph
+    bend: Array
+    rough: Array
+    inner: Array
+    around: Array
+    step: float
+
+    def calmest(self, around: Array) -> Array:
+        """The mask (n,) of the share of vertices with the least curvature around them."""
+        return self.inner & (around <= np.quantile(around[self.inner], CALMEST))
+
+    def farther_around(self) -> Array:
+        """The squared curvature (n,), mean over AROUND rounds."""
+        return _spread_out(self.graph.umbrella, self.around, AROUND - NEAR)
+
+    def waves(self, numbers: Array) -> Waves:
+        """Bands of waves, beside those of noise that is made of uniform numbers (n,)."""
+        return Waves.of(self.graph.umbrella, self.bend, self.farther_around(), self.inner, _white(numbers))
+
+    def correlated(self, waves: Waves) -> PointNoise | None:
+        """The noise from waves; None if they are not those of noise."""
+        found = waves.noise()
+        faint = WEAKEST * self.step if found is not None and found.left == 0 else 0.0
+        if found is None or not faint < found.sigma <= STRONGEST * self.step:
+            return None
+        sigma = found.sigma
+        return PointNoise(sigma, 0.0, (sigma,), how="differences", spread=found.rounds, left=found.left)
+
+
+def _rounded(waves: Waves, quanta: Array | None) -> PointNoise | None:
+    """The noise of points whose coordinates have quanta (3,); None if rounding is not the noise of the shortest waves."""
+    if quanta is None:
+        return None
+    sigma = float(np.sqrt(np.mean(np.square(quanta)) / 12.0))
+    if not ROUNDED[0] * sigma <= waves.white_size() <= ROUNDED[1] * sigma:
+        return None
+    return PointNoise(sigma, float(quanta.max()), (sigma,), how="rounding", quanta=tuple(quanta.tolist()))
+
+
+def _alternating(seen: _Seen, x: Array, faces: Array, normals: Array) -> PointNoise:
+    """The noise of points (n, 3) of which neighbours differ as those of noise do."""
+    graph, inner = seen.graph, seen.inner
+    both: Any = sparse.csr_matrix(sparse.identity(len(x)) - means_over_diagonals(x, faces, normals))
+    whole = _Graph(both, _gain(both))
+    clear, calm = _along(both, x, normals, whole.gain)[1], seen.calmest(seen.around)
+    sigma, at_edges = MAD * float(np.median(np.abs(clear[calm]))), noise_at_edges(x, faces, inner)
+    kurtosis = float(np.mean(clear[calm] ** 4) / max(np.mean(clear[calm] ** 2) ** 2, np.finfo(float).tiny))
+    leaked = kurtosis <= SURE and at_edges < min(sigma / LEAKED, LARGE * seen.step)
+    if leaked and _correlation(graph.umbrella, seen.rough, calm) > ALTERNATING:
+        return PointNoise(at_edges, 0.0, (at_edges,), how="differences")
+    waves = seen.waves(numbers_of(x, faces))
+    if sigma <= SMOOTH * at_edges and kurtosis <= SURE:
+        region, numbers = seen.calmest(seen.farther_around()), numbers_of(x, faces)
+        found = _alternation(graph.umbrella, seen.bend, seen.rough, region)
+        spread, share = _spread(graph, whole, region, found, numbers)
+        if spread > 0:
+            sigma = sigma / share
+            left = 1.0 if waves.are_few else LEFT_IF_SHORT
+            known = PointNoise(sigma, 0.0, (sigma,), how="differences", spread=spread, left=left)
+            other = seen.correlated(waves)
+            if other is not None and other.left >= LEFT_ON_SMOOTH:
+                return other
+            return known if waves.are_noise(spread) else other or replace(known, left=0.0)
+    if kurtosis > IMPULSIVE:
+        sigma = float(np.sqrt(np.mean(clear[calm] ** 2)))
+        return PointNoise(sigma, 0.0, (sigma,), how="differences", kurtosis=kurtosis)
+    known = PointNoise(sigma, 0.0, (sigma,), how="differences", kurtosis=kurtosis)
+    other = None if waves.are_noise(0) else seen.correlated(waves)
+    if other is None or other.sigma < STRONGER * sigma:
+        return known
+    if other.left >= LEFT_ON_SMOOTH:
+        return other
+    return replace(other, left=LEFT_IF_SHORT) if waves.are_noise(other.spread) else known
 
 
 def _is_noisy(umbrella: Any, bend: Array, rough: Array, free: Array) -> tuple[bool, float | None]:

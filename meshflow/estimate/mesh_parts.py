@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from meshflow.estimate.mesh_noise import PointNoise, noise_of_points
+from meshflow.estimate.mesh_noise import IMPULSIVE, PointNoise, noise_of_points
 from meshflow.estimate.mesh_pieces import pieces
+from meshflow.estimate.mesh_regions import clean_region
 from meshflow.estimate.voxels import blocks_of, voxels_of
 from meshflow.geometry.orientation import alike, parts
 from meshflow.geometry.validation import Array
@@ -29,8 +30,8 @@ def turned_alike(data: Mesh) -> tuple[Mesh, tuple[str, ...]]:
 
 
 def noise_by_parts(data: Mesh) -> tuple[PointNoise, Array]:
-    """The noise of the points of a mesh along its normals, and the mask (n,) of the vertices of parts without noise, if others
-    have it.
+    """The noise of the points of a mesh along its normals, and the mask (n,) of the vertices of parts, or of a region, without
+    noise, if others have it.
 
     For a large mesh or part it is estimated on some pieces.
     """
@@ -41,7 +42,7 @@ def noise_by_parts(data: Mesh) -> tuple[PointNoise, Array]:
     sizes = np.bincount(label, minlength=count)
     large = [part for part in np.argsort(-sizes, kind="stable")[:MOST] if sizes[part] >= LEAST]
     if len(large) < 2:
-        return _noise_of(data), clean
+        return _noise_by_regions(data)
     of_face = label[data.faces[:, 0]]
     for part in large:
         alone = _alone(data, of_face == part)
@@ -60,6 +61,17 @@ def _of_voxels(points: Array, faces: Array) -> PointNoise | None:
         return None
     sigma = IN_STEPS * voxels.across
     return PointNoise(sigma, 0.0, (sigma,), how="voxels", voxels=voxels)
+
+
+def _noise_by_regions(data: Mesh) -> tuple[PointNoise, Array]:
+    """The noise of one part, and the mask (n,) of a region without noise, if others plainly have it."""
+    clean, noisy = clean_region(data.points, data.faces)
+    if clean.any():
+        mine = np.all(noisy[data.faces], axis=1)
+        noise = _noise_of(_alone(data, np.asarray(mine)))
+        if noise.sigma > 0 and noise.kurtosis <= IMPULSIVE:
+            return noise, clean
+    return _noise_of(data), np.zeros_like(clean)
 
 
 def _noise_of(data: Mesh) -> PointNoise:

@@ -27,7 +27,8 @@ def pieces(data: Mesh) -> tuple[Mesh, Array, Array]:
     """
     if len(data.points) <= ENOUGH:
         return data, ~data.fixed, np.arange(len(data.points))
-    taken = _taken(data.points, data.faces)
+    held = np.asarray(data.fixed[data.faces].all(axis=1))
+    taken = _chosen(data.points, data.faces, held) if held.any() else _taken(data.points, data.faces)
     faces = data.faces[taken]
     kept, inverse = np.unique(faces, return_inverse=True)
     around = np.diff(connect((data.faces,), len(data.points)).first)[kept]
@@ -44,12 +45,19 @@ def pieces(data: Mesh) -> tuple[Mesh, Array, Array]:
 
 @once
 def _taken(points: Array, faces: Array) -> Array:
-    """The mask (m,) of the triangles of the pieces."""
+    """The mask (m,) of the triangles of the pieces, where all may move."""
+    return _chosen(points, faces, np.zeros(len(faces), bool))
+
+
+def _chosen(points: Array, faces: Array, held: Array) -> Array:
+    """The mask (m,) of the triangles of the pieces around some of those that are not held (m,), unless all are."""
     across, m = beyond(faces), len(faces)
     taken = np.zeros(m, bool)
     drawn = numbers_of(points, faces)[faces].sum(axis=1)
+    drawn[held & ~held.all()] = np.inf
     some = np.argpartition(drawn, min(64 * PIECES, m - 1))[: 64 * PIECES]
     first = some[np.argsort(drawn[some])]
+    first = first[np.isfinite(drawn[first])]
     for _ in range(PIECES):
         left = first[~taken[first]]
         if not len(left):

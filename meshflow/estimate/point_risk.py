@@ -28,12 +28,17 @@ SPLIT, HEAVY = 0.5, 7.0
 FEW, FEWER = 6000, 3000
 # What looks like impulses may be the shape of a coarse model. The risk of changing nothing is taken for SHAPE sigma^2 then. That
 # of the best method is at most half of sigma^2 where there are impulses (72 cases), and 0.7 on a model without noise.
-SHAPE = 0.6
+SHAPE = 0.55
 # A triangle is folded if the cosine of its normal and the mean with its neighbours is below FOLDED. The share of folded triangles
 # times WEIGHT sigma^2 is added to the risk, because a fold is wrong even if its points are close.
 FOLDED, WEIGHT = 0.3, 10.0
 # The lower bound of a credible risk, in sigma^2, and bounds of the displacement of a vertex, in sigmas and in edges.
 BELOW, FAR, FAR_EDGES = -0.3, 10.0, 2.0
+# That bound for correlated noise, of which sigma is found less exactly.
+BELOW_CORRELATED = -0.6
+# The largest mean offset of a part after a method for correlated noise, in sigmas, which runs long. More is no shrinking that can
+# be undone: a ring becomes a wire.
+OFFSET = 2.5
 
 
 @dataclass(frozen=True)
@@ -78,6 +83,7 @@ class PointRisk:
     :ivar counted: (n,), vertices.
     :ivar sigma: unit of the points.
     :ivar at_start: the mean square error of the unchanged data.
+    :ivar below: the lower bound of a credible risk, in sigma^2; ``farthest``: the largest mean offset of a part, in sigmas.
     """
 
     starts: tuple[Array, ...]
@@ -91,10 +97,18 @@ class PointRisk:
     step: float
     at_start: float
     label: Array
+    below: float = BELOW
+    farthest: float = np.inf
 
     @classmethod
-    def of(cls, points: Array, faces: Array, counted: Array, noise: PointNoise) -> "PointRisk":
-        """The risk on points (n, 3)."""
+    def of(
+        cls, points: Array, faces: Array, counted: Array, noise: PointNoise, fixed: Array | None = None
+    ) -> "PointRisk":
+        """The risk on points (n, 3).
+
+        :param counted: (n,), vertices for which the error is estimated.
+        :param fixed: (n,), vertices that stay, and get no numbers; None: none.
+        """
         x, across = points.astype(np.float64), beyond(faces)
         step, sigma = mean_edge(x, faces), noise.sigma
         even = umbrella_generator(connect((faces,), len(x)), step, np.ones(len(x), bool), True)
@@ -108,16 +122,20 @@ class PointRisk:
             bends = np.abs(np.einsum("ij,ij->i", home - neighbour_means(faces, len(x), "free") @ home, normals))
             calm = counted & (bends <= np.median(bends[counted]))
             off = np.einsum("ij,ij->i", x - home, normals)[calm]
-            made = [_of_size(drawn(off, one), sigma) for one in draws]
+            made = [_of_size(drawn(off, one), sigma, counted) for one in draws]
         else:
-            made = [_drawn_anew(one, faces, noise) for one in draws]
+            made = [_of_size(_drawn_anew(one, faces, noise.spread), sigma, counted) for one in draws]
         share = min(noise.kurtosis / HEAVY, 1.0) if impulsive else SPLIT
-        splits = [sign * one[:, None] * normals for one in made for sign in ((1.0, -1.0) if count < FEW else (1.0,))]
+        free = 1.0 if fixed is None else ~fixed[:, None]  # what stays has no noise beside what moves
+        splits = [
+            sign * one[:, None] * normals * free for one in made for sign in ((1.0, -1.0) if count < FEW else (1.0,))
+        ]
         starts = tuple(x + share * split for split in splits)
         others = tuple(x - split / share for split in splits)
         known = sigma**2 * (1.0 + share**-2)
         label = parts(faces, len(x))[1][counted]
-        return cls(starts, others, known, normals, counted, sigma, faces, across, step, start, label)
+        bounds = () if noise.spread == 0 else (BELOW_CORRELATED, OFFSET)
+        return cls(starts, others, known, normals, counted, sigma, faces, across, step, start, label, *bounds)
 
     def of_states(self, states: tuple[Array, ...], least: float = np.inf) -> float:
         """The mean square error of a method at one time, squared unit of the points.
@@ -131,20 +149,24 @@ class PointRisk:
             if not np.isfinite(state).all() or np.abs(state - start).max() > far:
                 return np.inf
         trios = zip(states, self.starts, self.others, strict=True)
-        off = [self._off(*trio) for trio in trios]
+        pairs = [self._off(*trio) for trio in trios]
+        if max(offset for _, offset in pairs) > self.farthest * self.sigma:
+            return np.inf
+        off = [distances for distances, _ in pairs]
         square = float(np.mean(np.square(off))) - self.known
-        if square < BELOW * self.sigma**2:
+        if square < self.below * self.sigma**2:
             return np.inf
         if square > least:
             return square
         folds = sum(folded(state, self.faces, self.across) for state in states) / len(states)
         return square + WEIGHT * self.sigma**2 * folds
 
-    def _off(self, state: Array, start: Array, other: Array) -> Array:
-        """The distances (k,) of the counted points from others along the normals, without the mean offset from their start."""
+    def _off(self, state: Array, start: Array, other: Array) -> tuple[Array, float]:
+        """The distances (k,) of the counted points from others along the normals, without the mean offset of each part from its
+        start; and the largest of these offsets."""
         away, since = (np.einsum("ij,ij->i", state - one, self.normals)[self.counted] for one in (other, start))
         mean = np.bincount(self.label, since) / np.maximum(np.bincount(self.label), 1)
-        return away - mean[self.label]
+        return away - mean[self.label], float(np.abs(mean).max())
 
 
 def _outwards(normals: Array, x: Array, faces: Array) -> Array:
@@ -156,23 +178,23 @@ def _outwards(normals: Array, x: Array, faces: Array) -> Array:
     return np.where(away < 0, -1.0, 1.0)[label, None] * normals
 
 
-def _drawn_anew(numbers: Array, faces: Array, noise: PointNoise) -> Array:
-    """Gaussian noise (n,) of the standard deviation and the correlation of a noise.
+def _drawn_anew(numbers: Array, faces: Array, rounds: int) -> Array:
+    """Gaussian noise (n,) after rounds of neighbour means.
 
     :param numbers: (n,) in [0, 1).
     """
     made = ndtri(np.clip(numbers, 1e-6, 1.0 - 1e-6))
-    if noise.spread > 0:
+    if rounds > 0:
         mean = neighbour_means(faces, len(made), "free")
-        for _ in range(noise.spread):
+        for _ in range(rounds):
             made = 0.5 * (made + mean @ made)
-    return _of_size(made, noise.sigma)
+    return made
 
 
-def _of_size(made: Array, sigma: float) -> Array:
-    """Numbers (n,) of mean zero and standard deviation sigma."""
-    made = made - made.mean()
-    return made * (sigma / max(float(made.std()), np.finfo(float).tiny))
+def _of_size(made: Array, sigma: float, counted: Array) -> Array:
+    """Numbers (n,) of mean zero and standard deviation sigma over the counted vertices; others may all have the same number."""
+    made = made - made[counted].mean()
+    return made * (sigma / max(float(made[counted].std()), np.finfo(float).tiny))
 
 
 def folded(points: Array, faces: Array, across: Array) -> float:

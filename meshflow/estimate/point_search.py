@@ -223,7 +223,7 @@ def searched(data: Mesh, lift: Lift, asked: Tried) -> tuple[Candidate, ...]:
     square = data.step**2
     data, counted, kept = pieces(data)
     surface = data.lifted(lift)
-    risk = PointRisk.of(surface.points, data.faces, counted, asked.noise)
+    risk = PointRisk.of(surface.points, data.faces, counted, asked.noise, data.fixed)
     search = _Search(surface, risk, asked, None if asked.mobility is None else asked.mobility[kept])
     end, groups = () if asked.end is None else (asked.end / square,), _groups(asked.methods)
     jobs = [partial(search.fairings, group, _scaled(end or FAIRED, square)) for group in groups]

@@ -6,10 +6,11 @@ import numpy as np
 
 from meshflow.errors import InputError
 from meshflow.estimate.heights import HARM, as_they_are, no_noise
-from meshflow.estimate.mesh_noise import IMPULSIVE, PointNoise
+from meshflow.estimate.mesh_noise import PointNoise
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.parameters import Origin
 from meshflow.estimate.plan import GIVEN, Decided, Plan
+from meshflow.estimate.point_limits import limited, may_be_shape, quanta_to_keep
 from meshflow.estimate.point_search import Tried, configurations, regularizing, searched
 from meshflow.estimate.request import Request
 from meshflow.flow.conservation import Keep
@@ -47,9 +48,6 @@ FEW = 100
 CHANNELS, BENT, BENDS, LONGER = 8.0, 0.05, 0.3, {NormalChannels.word: 5.0, PrincipalFlow.word: 5.0}
 # The volume of a closed mesh, over its area to the power 3/2, below which it counts as none.
 HOLLOW = 1e-6
-# The largest change after a search, in sigma. White noise of 0.03 to 1 edges needs 4.5 along the normals (30 cases), impulses 13;
-# where the noise is small, regularization of the sampling would go farther.
-MOST, MOST_OF_IMPULSES = 8.0, 20.0
 RECENTRED = Decided("estimated", "the noise has no mean along the normals, over many triangles between creases")
 # The time in squared edges of the run of which round parts are taken, and its contrast and sharpness. With twice the time, or a
 # contrast of 4 and a sharpness of 4, less of their facets goes (14 shapes, 3 or 4 noises).
@@ -214,6 +212,9 @@ def _shaped(data: Mesh, request: Request, noise: Noise, mobility: Array | None) 
             "data weights work only with the curvature flow where the points of a mesh move; give method='curvature', or Fixed "
             "and MaxChange"
         )
+    quanta = quanta_to_keep(data, request, noise)
+    if quanta is not None:
+        request = replace(request, method=Search(along="normals"))
     methods, setting, timed = _methods(data, request, noise.sigma), _setting(request), request.until_time
     lift = Lift(1.0, request.compute.diagonals, request.rim)
     preserve, asked = request.constraints.preserve, request.timed
@@ -239,18 +240,19 @@ def _shaped(data: Mesh, request: Request, noise: Noise, mobility: Array | None) 
                 when = Decided(
                     "estimated", "least estimated risk" + (", times strength²" if request.strength != 1 else "")
                 )
-            idle, found = HARM if time == 0 else None, True
+            open_ = timed is None and not isinstance(request.method, PointMethod)
+            idle, found = HARM if time == 0 else may_be_shape(plan, candidates[0]) if open_ else None, True
+            time = 0.0 if idle is not None else time
             plan = plan.with_(
                 _options_found(request, candidates[0].configuration),
                 method=candidates[0].configuration,
                 candidates=candidates,
                 idle=idle,
             )
-    if found and request.constraints.max_change is None:
-        most = (MOST if _of_points(noise).kurtosis <= IMPULSIVE else MOST_OF_IMPULSES) * request.strength
-        why = Decided("estimated", f"{most:g} sigma; larger changes are not noise")
-        plan = plan.with_({"max_change": why}, max_change=most * noise.sigma)
-    if found and time > 0 and preserve is None and mobility is None and _along(request) == "all":
+    if found:
+        plan = limited(plan, quanta)
+    freely = quanta is not None or _along(request) == "all"
+    if found and time > 0 and preserve is None and mobility is None and freely:
         plan = plan.with_({"offsets": RECENTRED}, recentred=True)
         white = _of_points(noise).spread == 0  # more of correlated noise is left by a short run
         if white and isinstance(plan.method, NormalFilter) and time > SHORT * data.step**2 * request.strength**2:
