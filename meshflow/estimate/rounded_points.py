@@ -33,7 +33,8 @@ def _quantum(values: Array) -> float | None:
     levels = np.unique(values.astype(np.float64))
     if len(levels) < LEVELS:
         return None
-    single = values.dtype == np.float32 or bool((levels == levels.astype(np.float32)).all())
+    with np.errstate(over="ignore"):  # what is too large for single precision is not stored in it
+        single = values.dtype == np.float32 or bool((levels == levels.astype(np.float32)).all())
     error = float(np.abs(levels).max()) * float(np.finfo(np.float32 if single else np.float64).eps)
     levels = levels[np.concatenate([[True], np.diff(levels) > 4.0 * error])]
     gaps = np.diff(levels)
