@@ -10,6 +10,8 @@ import meshflow
 from meshflow.estimate.point_limits import MOST
 from meshflow.geometry.crossings import crossing_pairs, moved_without_harm, new_crossings
 from meshflow.geometry.folds import new_folds
+from meshflow.geometry.normals import mean_edge
+from meshflow.smoothing import smooth
 from meshflow.synthetic import shapes
 
 
@@ -125,3 +127,22 @@ def test_no_point_of_slivers_moves_farther_than_is_said_and_nothing_folds_or_cro
     assert np.linalg.norm(after - before, axis=1).max() <= most * (1 + 1e-9)
     assert len(new_folds(before, after, faces)) == 0
     assert len(new_crossings(before, after, faces)) == 0
+
+
+def test_a_few_slivers_along_the_rim_do_not_undo_the_whole():
+    draw = np.random.default_rng(0)
+    ground = draw.random((6000, 2))
+    faces = Delaunay(ground).simplices
+    land = np.column_stack([ground, 0.1 * np.sin(8 * ground[:, 0]) * np.cos(6 * ground[:, 1])])
+    off = 0.1 * mean_edge(land, faces) * draw.normal(size=len(land))
+    found = smooth((land + off[:, None] * [0, 0, 1], faces))[0]
+    assert np.std(found[:, 2] - land[:, 2]) < 0.45 * off.std()
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_spikes_that_were_moved_back_do_not_return_for_a_fold(seed):
+    shape, draw = shapes.cube(18), np.random.default_rng(seed)
+    noisy, high = shape.noisy("nrm", 0.1, seed), draw.choice(len(shape.points), 15, replace=False)
+    noisy[high] += 10 * shape.edge * draw.choice([-1, 1], (15, 1)) * shape.normals()[high]
+    found = smooth((noisy, shape.faces))[0]
+    assert np.abs(shape.distance(found)).max() < 4.5 * shape.edge

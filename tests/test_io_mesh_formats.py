@@ -374,3 +374,17 @@ def test_compressed_geometry_is_refused_and_not_read_as_zeros(tmp_path):
     (tmp_path / "in.glb").write_bytes(closed(header))
     with pytest.raises(FormatError, match="decompress"):
         read(tmp_path / "in.glb")
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".gltf"])
+def test_attributes_of_any_number_type_are_written_as_gltf_has_them(tmp_path, suffix):
+    ball = trimesh.creation.icosphere(1)
+    numbers = np.arange(42)
+    for kind in (np.int32, np.uint32, np.float64, np.int16):
+        ball.vertex_attributes[f"of_{np.dtype(kind).name}"] = numbers.astype(kind)
+    ball.vertex_attributes["signed"] = (numbers - 20).astype(np.int32)
+    ball.export(tmp_path / "in.ply")
+    write(read(tmp_path / "in.ply"), tmp_path / f"out{suffix}")
+    back = whole(tmp_path / f"out{suffix}").vertex_attributes
+    assert np.array_equal(back["_of_int32"].ravel(), numbers)
+    assert np.array_equal(back["_signed"].ravel(), numbers - 20)

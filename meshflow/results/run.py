@@ -230,13 +230,14 @@ def _without_harm(data: Data, done: Data, plan: Plan, flow: Flow) -> tuple[Data,
     chosen = plan.candidates or isinstance(plan.method, BetweenVoxels)  # nothing is searched for there
     if not isinstance(done, Mesh) or not isinstance(data, Mesh) or not chosen or done.moves != "points":
         return done, ()
-    points, less = moved_without_harm(data.points, done.points, done.faces, _free(plan, done) == 0)
-    held = plan.request.constraints
-    asked = held.max_change is not None or held.preserve is not None
+    before = plan.data.points if isinstance(plan.data, Mesh) else data.points  # without spikes, which do not come back
+    points, less = moved_without_harm(before, done.points, done.faces, _free(plan, done) == 0)
+    given = plan.request.constraints
+    asked = given.max_change is not None or given.preserve is not None
     if less and asked and (hold := hold_of(replace(plan, recentred=False), flow)) is not None:
         points = hold.hold(points.copy())
     elif less and (limit := plan.hold(flow.start())) is not None:
-        points = moved_less(data.points, points, limit.hold(points.copy()), done.faces)
+        points = moved_less(before, points, limit.hold(points.copy()), done.faces)
     other = float(np.abs(points - done.points).max(initial=0.0))
     said = (
         f"{less} of {len(points)} points were moved differently from the method, by at most {other:.3g}, to avoid folds and "

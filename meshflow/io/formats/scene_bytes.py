@@ -8,6 +8,8 @@ from meshflow.geometry.validation import Array
 
 __all__ = ["STL_HEAD", "marked_stl", "need_3mf", "written"]
 
+# The number types of glTF.
+_OF_GLTF = ("i1", "u1", "i2", "u2", "u4", "f4")
 # Bytes of a binary STL before its number of triangles and before its triangles, of a triangle, and of its numbers; two bytes,
 # where some programs keep colours, follow these.
 STL_HEAD, _TRIANGLES, _TRIANGLE, _NUMBERS = 80, 84, 50, 48
@@ -27,6 +29,8 @@ def written(scene: trimesh.Scene, suffix: str) -> bytes:
 
     :raises MissingPackage: if a package for 3MF is missing.
     """
+    if suffix in (".glb", ".gltf"):
+        scene = _storable(scene)
     if suffix == ".gltf":
         from trimesh.exchange.gltf import export_gltf
 
@@ -36,6 +40,20 @@ def written(scene: trimesh.Scene, suffix: str) -> bytes:
             need_3mf()
         content = scene.export(file_type=suffix[1:])
     return content if isinstance(content, bytes) else str(content).encode()
+
+
+def _storable(scene: trimesh.Scene) -> trimesh.Scene:
+    """A scene with vertex attributes in number types that glTF has: whole numbers without sign, or single precision."""
+    new: trimesh.Scene = scene.copy()
+    for mesh in new.geometry.values():
+        attributes = getattr(mesh, "vertex_attributes", {})
+        for name, values in list(attributes.items()):
+            kept = np.asarray(values)
+            if kept.dtype.str[1:] in _OF_GLTF:
+                continue
+            whole = kept.dtype.kind in "iub" and kept.size and kept.min() >= 0 and kept.max() < 2**32
+            attributes[name] = kept.astype(np.uint32 if whole else np.float32)
+    return new
 
 
 def marked_stl(content: bytes, head: bytes, marks: Array) -> bytes:
