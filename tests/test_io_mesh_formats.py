@@ -388,3 +388,11 @@ def test_attributes_of_any_number_type_are_written_as_gltf_has_them(tmp_path, su
     back = whole(tmp_path / f"out{suffix}").vertex_attributes
     assert np.array_equal(back["_of_int32"].ravel(), numbers)
     assert np.array_equal(back["_signed"].ravel(), numbers - 20)
+
+
+def test_quantized_positions_are_refused_and_not_read_as_whole_numbers(tmp_path):
+    header, rest = opened(trimesh.creation.box().export(None, file_type="glb"))
+    header["accessors"][header["meshes"][0]["primitives"][0]["attributes"]["POSITION"]]["normalized"] = True
+    (tmp_path / "in.glb").write_bytes(closed(header, rest))
+    with pytest.raises(FormatError, match="gltf-transform dequantize"):
+        read(tmp_path / "in.glb")

@@ -45,7 +45,8 @@ def named(path: Path) -> Iterator[str]:
 def lost(path: Path) -> Iterator[str]:
     """A note on contents that trimesh does not keep.
 
-    :raises FormatError: for compressed geometry, which trimesh would read as zeros.
+    :raises FormatError: for compressed geometry, which trimesh would read as zeros, and for positions that are stored as shares
+        of the largest whole number, which it would read as these numbers.
     """
     header = _header(path)
     packed = _PACKED & set(header.get("extensionsRequired", ()))
@@ -53,11 +54,19 @@ def lost(path: Path) -> Iterator[str]:
         raise FormatError(
             f"{path.name}: compressed with {', '.join(packed)}; decompress it first (gltf-transform copy)"
         )
-    names = {name for name in ("animations", "skins") if header.get(name)}
+    names = {name for name in ("animations", "cameras", "skins") if header.get(name)} | set(
+        header.get("extensionsUsed", ())
+    )
+    accessors = header.get("accessors", ())
     for mesh in header.get("meshes", ()):
         for primitive in mesh["primitives"]:
+            if accessors[primitive["attributes"]["POSITION"]].get("normalized"):
+                raise FormatError(
+                    f"{path.name}: its positions are quantized (KHR_mesh_quantization); "
+                    "make them floating-point numbers first (gltf-transform dequantize)"
+                )
             kept = {"POSITION", "NORMAL", "COLOR_0"} | ({"TEXCOORD_0"} if "material" in primitive else set())
             names |= {name for name in primitive["attributes"] if name not in kept and not name.startswith("_")}
             names |= {"morph targets"} if primitive.get("targets") else set()
     if names:
-        yield f"not written again by this GLB writer: {', '.join(sorted(names))}"
+        yield f"not written again: {', '.join(sorted(names))}"

@@ -27,10 +27,11 @@ def need_3mf() -> None:
 def written(scene: trimesh.Scene, suffix: str) -> bytes:
     """The bytes of a scene in the format of an extension; a glTF embeds its buffers and images.
 
+    :param scene: nobody else's; attributes that the format cannot hold get another number type in it.
     :raises MissingPackage: if a package for 3MF is missing.
     """
     if suffix in (".glb", ".gltf"):
-        scene = _storable(scene)
+        _retype(scene)
     if suffix == ".gltf":
         from trimesh.exchange.gltf import export_gltf
 
@@ -42,10 +43,9 @@ def written(scene: trimesh.Scene, suffix: str) -> bytes:
     return content if isinstance(content, bytes) else str(content).encode()
 
 
-def _storable(scene: trimesh.Scene) -> trimesh.Scene:
-    """A scene with vertex attributes in number types that glTF has: whole numbers without sign, or single precision."""
-    new: trimesh.Scene = scene.copy()
-    for mesh in new.geometry.values():
+def _retype(scene: trimesh.Scene) -> None:
+    """Give vertex attributes the number types that glTF has: whole numbers without sign, or single precision."""
+    for mesh in scene.geometry.values():
         attributes = getattr(mesh, "vertex_attributes", {})
         for name, values in list(attributes.items()):
             kept = np.asarray(values)
@@ -53,7 +53,6 @@ def _storable(scene: trimesh.Scene) -> trimesh.Scene:
                 continue
             whole = kept.dtype.kind in "iub" and kept.size and kept.min() >= 0 and kept.max() < 2**32
             attributes[name] = kept.astype(np.uint32 if whole else np.float32)
-    return new
 
 
 def marked_stl(content: bytes, head: bytes, marks: Array) -> bytes:
