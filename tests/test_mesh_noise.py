@@ -7,6 +7,7 @@ import trimesh
 import meshflow
 from meshflow.estimate.edge_noise import noise_at_edges
 from meshflow.estimate.mesh_noise import noise_of_points
+from meshflow.evaluate.metrics import normal_angle
 from meshflow.synthetic.shapes import mean_edge
 
 MAKE = trimesh.creation
@@ -66,3 +67,16 @@ def test_the_noise_at_an_edge_is_the_volume_of_its_tetrahedron_over_the_response
             slopes.append((signed(moved) - signed(points)) / step)
     expected = abs(signed(points)) / np.linalg.norm(slopes) / 0.3186394
     assert noise_at_edges(points, faces, np.ones(4, bool)) == pytest.approx(expected, rel=1e-4)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("level", [1e-4, 1e-3, 1e-2])
+@pytest.mark.parametrize(("extents", "edge"), [((10, 6, 3), 1.0), ((4, 4, 1), 0.3)])
+def test_creases_of_a_coarse_part_with_little_noise_are_no_impulses(extents, edge, level, seed):
+    part = trimesh.creation.box(extents).subdivide_to_size(edge)
+    points, faces = np.array(part.vertices), np.asarray(part.faces)
+    off = level * mean_edge(points, faces)
+    noisy = points + off * np.random.default_rng(seed).normal(size=points.shape)
+    found = meshflow.smooth((noisy, faces), result=True)
+    assert found.noise.sigma < (4 if level < 5e-3 else 6) * off
+    assert normal_angle(found.data[0], points, faces) <= normal_angle(noisy, points, faces)

@@ -8,6 +8,7 @@ import scipy.sparse as sparse
 from scipy.special import ndtri
 
 from meshflow.estimate.correlated_noise import LEFT_IF_SHORT, LEFT_ON_SMOOTH, Waves
+from meshflow.estimate.crease_outliers import kurtosis_of, without_creases
 from meshflow.estimate.edge_noise import bent_like_noise, noise_at_edges
 from meshflow.estimate.noise import Noise
 from meshflow.estimate.noise_growth import MAD
@@ -250,8 +251,15 @@ def _alternating(seen: _Seen, x: Array, faces: Array, normals: Array) -> PointNo
     both: Any = sparse.csr_matrix(sparse.identity(len(x)) - means_over_diagonals(x, faces, normals))
     whole = _Graph(both, _gain(both))
     clear, calm = _along(both, x, normals, whole.gain)[1], seen.calmest(seen.around)
+    if (kurtosis := kurtosis_of(clear[calm])) > IMPULSIVE:
+        level = without_creases(graph.umbrella, normals, clear, inner, calm)
+        if level is not None:
+            calm, kurtosis = level, kurtosis_of(clear[level])
+            _, correlation, edges = _alternation(graph.umbrella, seen.bend, seen.rough, level)
+            if correlation <= WHITE + 1.0 / np.sqrt(max(edges, 1)):
+                sigma = MAD * float(np.median(np.abs(clear[level])))
+                return PointNoise(sigma, 0.0, (sigma,), how="differences")
     sigma, at_edges = MAD * float(np.median(np.abs(clear[calm]))), noise_at_edges(x, faces, inner)
-    kurtosis = float(np.mean(clear[calm] ** 4) / max(np.mean(clear[calm] ** 2) ** 2, np.finfo(float).tiny))
     leaked = kurtosis <= SURE and at_edges < min(sigma / LEAKED, LARGE * seen.step)
     if leaked and _correlation(graph.umbrella, seen.rough, calm) > ALTERNATING:
         return PointNoise(at_edges, 0.0, (at_edges,), how="differences")
