@@ -232,6 +232,7 @@ def test_single_spikes_are_put_back_and_told_and_nothing_else_moves(shape):
     after, angle = result.data[0], normal_angle(result.data[0], shape.points, shape.faces)
     assert angle < 0.45 * normal_angle(points, shape.points, shape.faces), f"{angle:.2f} degrees"
     assert any("points are spikes" in said for said in result.warnings)
+    assert result.stopped_because.startswith("but for spikes, no noise was found")
     assert np.linalg.norm(after - shape.points, axis=1)[~spikes].max() < 0.3 * shape.edge
 
 

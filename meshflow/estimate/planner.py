@@ -104,6 +104,7 @@ def plan_of_surface(data: SurfaceData, request: Request) -> Plan:
     mask = None if request.constraints.mask is None else np.asarray(request.constraints.mask, bool)
     if own is not None:  # copies of other samples say nothing new of the noise
         mask = way.of(own) if mask is None else mask & way.of(own)
+    spikes: tuple[str, ...] = ()
     if isinstance(data, Mesh) and data.moves == "points" and data.points.shape[1] == 3:
         data, warnings = turned_alike(data)
         if request.is_open and request.outliers != "include":
@@ -138,6 +139,8 @@ def plan_of_surface(data: SurfaceData, request: Request) -> Plan:
     if how is not None:
         warnings = (*how.warnings(found.idle is not None), *warnings)
         found = replace(found, idle=None if found.idle is None else how.beside(found.idle))
+    if spikes and found.idle is not None:
+        found = replace(found, idle=f"but for spikes, {found.idle}")
     if values is not None:
         warnings = (values.warning(found.idle is not None), *warnings)
     warnings = (*warnings, *found.warnings)
