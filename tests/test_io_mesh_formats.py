@@ -12,6 +12,7 @@ from trimesh.exchange.stl import export_stl_ascii
 
 from meshflow.errors import FormatError
 from meshflow.io.files import read, write
+from meshflow.io.vertex_merging import joined
 
 
 def test_custom_vertex_scalars_survive_in_their_types(tmp_path):
@@ -327,6 +328,20 @@ def animated_ball(path):
     header["animations"] = [{"name": "turning", "channels": [], "samplers": []}]
     path.write_bytes(closed(header, len(binary).to_bytes(4, "little") + b"BIN\0" + binary))
     return ball
+
+
+@pytest.mark.parametrize("size", [0.0, 3e-7, 3e-6, 3e-5])
+def test_corners_that_few_digits_have_moved_apart_are_one_vertex_at_a_border(size):
+    ball, draw = trimesh.creation.icosphere(3), np.random.default_rng(0)
+    corners = np.array(ball.vertices)[ball.faces].reshape(-1, 3)
+    first, _ = joined(corners + size * draw.normal(size=corners.shape), faces=np.arange(len(corners)).reshape(-1, 3))
+    assert len(first) == 642
+
+
+def test_walls_that_are_close_to_each_other_stay_apart():
+    sheet = trimesh.creation.box((1.0, 1.0, 1e-5)).subdivide().subdivide()
+    first, _ = joined(np.array(sheet.vertices), faces=np.asarray(sheet.faces))
+    assert len(first) == len(sheet.vertices)
 
 
 def test_of_a_glb_only_what_moves_changes(tmp_path):

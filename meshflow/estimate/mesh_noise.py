@@ -49,6 +49,9 @@ STRONGEST = 0.4
 # Noise that is not everywhere, and weaker than this, is the sampling: a level set on a grid is 0.02 mean edges off its smooth
 # shape.
 WEAKEST = 0.05
+# Correlated noise that alternates and is weaker than this, in mean edges, is removed whether or not its longer waves are those of
+# noise: it is that of laser scans (0.04), whose lines are uneven. Clean models that look like noise seem to have 0.2 and more.
+FAINT = 0.08
 # Noise that seems to be white is correlated if its waves say so, and that it is this many times as strong.
 STRONGER = 1.25
 # The bounds of the shortest waves, in standard deviations of the rounding of coordinates, if that is the noise.
@@ -275,6 +278,8 @@ def _alternating(seen: _Seen, x: Array, faces: Array, normals: Array) -> PointNo
             other = seen.correlated(waves)
             if other is not None and other.left >= LEFT_ON_SMOOTH:
                 return other
+            if sigma <= FAINT * seen.step:
+                return replace(known, left=1.0)
             return known if waves.are_noise(spread) else other or replace(known, left=0.0)
     if kurtosis > IMPULSIVE:
         sigma = float(np.sqrt(np.mean(clear[calm] ** 2)))

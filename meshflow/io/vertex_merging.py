@@ -22,7 +22,8 @@ from meshflow.surfaces.mesh import Mesh, Moves
 __all__ = ["Skin", "fitted", "is_soup", "joined", "normals_after", "said_of"]
 
 # Positions that differ by a few units in the last place of single precision of the largest coordinate count as equal, if that is
-# small compared to the edges.
+# small compared to the edges. Of vertices at an open border, those that differ by less than CLOSE of the shortest edge at either
+# do: programs write few digits, and a closed surface has no such border.
 WELDED, CLOSE = 4.0 * float(np.finfo(np.float32).eps), 1e-3
 # A direction that does not occur in designed meshes.
 ASKEW = np.array([0.6180339887, 0.7548776662, 0.2195130126])
@@ -84,7 +85,7 @@ class Skin:
         if not copies:
             return ()
         apart = bool((self.points != self.points[self.first][self.home]).any())
-        near = f" (to {WELDED:.1g} of the largest coordinate)" if apart else ""
+        near = f" (to {WELDED:.1g} of the largest coordinate, at borders to {CLOSE:g} edges)" if apart else ""
         said = (
             f"{len(self.home)} stored vertices are {len(self.first)} of the surface: {copies} copies at the same position{near}, "
             "which the format splits at seams, move together"
@@ -144,8 +145,8 @@ def joined(points: Array, groups: Array | None = None, faces: Array | None = Non
     """Vertices at one position: (first of each (v,), vertex of each point (n,)), in order of appearance.
 
     :param groups: (n,) whole numbers; only points of the same group are joined.
-    :param faces: (m, 3); if given, points are joined that differ by a few units in the last place of single precision, unless a
-        triangle would lose an edge. Otherwise positions must be equal to the bit.
+    :param faces: (m, 3); if given, points are joined that differ by a few units in the last place of single precision, or at open
+        borders by a thousandth of an edge, unless a triangle would lose an edge. Otherwise positions must be equal to the bit.
     """
     if not len(points):
         return _apart(0)
@@ -160,26 +161,49 @@ def joined(points: Array, groups: Array | None = None, faces: Array | None = Non
     first = np.sort(first)
     if faces is None or not len(faces):
         return first, home
-    near = _near(points[first], None if groups is None else groups[first], home[faces])
-    if near is None:
-        return first, home
-    # The first of several close vertices represents all.
-    names, starts = np.unique(near, return_index=True)
-    rank = np.empty(int(names.max()) + 1, np.int64)
-    rank[near[np.sort(starts)]] = np.arange(len(names))
-    return first[np.sort(starts)], rank[near][home]
+    for reach in (_rounding, _at_borders):
+        x = np.where(np.isfinite(points[first]), points[first], 0.0).astype(np.float64)
+        near = _near(x, None if groups is None else groups[first], home[faces], reach(x, home[faces]))
+        if near is None:
+            continue
+        # The first of several close vertices represents all.
+        names, starts = np.unique(near, return_index=True)
+        rank = np.empty(int(names.max()) + 1, np.int64)
+        rank[near[np.sort(starts)]] = np.arange(len(names))
+        first, home = first[np.sort(starts)], rank[near][home]
+    return first, home
 
 
-def _near(points: Array, groups: Array | None, faces: Array) -> Array | None:
-    """The cluster (n,) of points with distances of at most :data:`WELDED`; None if all are further apart.
+def _rounding(x: Array, faces: Array) -> Array:
+    """The reach (n,) of rounding around points (n, 3); negative for those that no triangle uses."""
+    reach = np.full(len(x), -1.0)
+    reach[faces] = 0.0
+    apart = min(WELDED * float(np.abs(x[reach == 0]).max(initial=0.0)), CLOSE * mean_edge(x, faces))
+    return np.where(reach == 0, apart, reach)
+
+
+def _at_borders(x: Array, faces: Array) -> Array:
+    """The share CLOSE of the shortest edge (n,) at points at an open border; negative for all others."""
+    sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
+    lengths = np.linalg.norm(x[sides[:, 0]] - x[sides[:, 1]], axis=1)
+    shortest = np.full(len(x), np.inf)
+    for end in sides.T:
+        np.minimum.at(shortest, end, lengths)
+    _, at, count = np.unique(np.sort(sides, axis=1) @ np.array([len(x), 1]), return_inverse=True, return_counts=True)
+    border = np.zeros(len(x), bool)
+    border[sides[count[at] == 1]] = True
+    return np.where(border, CLOSE * shortest, -1.0)
+
+
+def _near(x: Array, groups: Array | None, faces: Array, reach: Array) -> Array | None:
+    """The cluster (n,) of points that are in reach of each other; None if all are further apart.
 
     Points that are close in space are close along any direction. Each is compared with the next ones along a direction that
     does not occur in designed meshes.
+
+    :param reach: (n,), negative for points that are in reach of none.
     """
-    used = np.zeros(len(points), bool)
-    used[faces] = True
-    x = np.where(np.isfinite(points), points, 0.0).astype(np.float64)
-    apart = min(WELDED * float(np.abs(x[used]).max(initial=0.0)), CLOSE * mean_edge(x, faces))
+    used, apart = reach >= 0, float(reach.max(initial=0.0))
     along = x @ ASKEW
     order = np.argsort(along, kind="stable")
     order = order[used[order]]
@@ -189,7 +213,7 @@ def _near(points: Array, groups: Array | None, faces: Array) -> Array | None:
         if not beside.any():
             break
         one, other = order[:-step][beside], order[step:][beside]
-        same = np.abs(x[one] - x[other]).max(axis=1) <= apart
+        same = np.abs(x[one] - x[other]).max(axis=1) <= np.minimum(reach[one], reach[other])
         if groups is not None:
             same &= groups[one] == groups[other]
         found.append(np.stack([one[same], other[same]]))
