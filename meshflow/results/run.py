@@ -38,6 +38,7 @@ from meshflow.geometry.once import unwritten
 from meshflow.geometry.validation import Array, whole
 from meshflow.results.afterwards import of_area, of_excess, of_lag, of_lone_samples
 from meshflow.results.result import History, Result, release
+from meshflow.results.unlike_parts import groups_of, one_by_one
 from meshflow.surfaces.data import Data, array_of
 from meshflow.surfaces.grid import Whole
 from meshflow.surfaces.joined import Gridded, columns_around, cut_back, period_of, unrolled
@@ -60,6 +61,8 @@ def run(data: Data, request: Request, progress: Progress = None, *, record: bool
     :raises NotConverged: when a solver or a run fails.
     """
     with request.compute.running(), unwritten():
+        if isinstance(data, Mesh) and (groups := groups_of(data, request)):
+            return one_by_one(data, groups, lambda part: carried_out(planned(part, request), part, progress, record))
         if isinstance(data, (Mesh, TetMesh, Volume)) or not period_of(data):
             return carried_out(planned(data, request), data, progress, record)
         wide, asked, margin = _around(data, request)
