@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import nnls
 
+from meshflow.estimate.crease_outliers import kurtosis_of
 from meshflow.estimate.noise_growth import MAD
 from meshflow.geometry.validation import Array
 
@@ -152,7 +153,7 @@ class Waves:
     def _left(self, fit: "_Fit", rounds: int) -> float:
         """The largest share of the variance of noise that may be left."""
         field = self.seen.after(TOLD)[self.calm]
-        tails = float(np.mean(field**4) / np.mean(field**2) ** 2)
+        tails = kurtosis_of(field)
         one, other = (
             self.seen.size(TOLD, mask) / self.made.size(TOLD + rounds, mask) for mask in (self.calm, self.bent)
         )
