@@ -32,11 +32,8 @@ def one_by_one(data: Mesh, groups: tuple[Array, ...], smoothed: Callable[[Mesh],
     """
     points, found = data.points.copy(), []
     for mask in groups:
-        used = np.flatnonzero(mask)
-        place = np.zeros(len(mask), np.int64)
-        place[used] = np.arange(len(used))
-        faces = place[data.faces[mask[data.faces[:, 0]]]]
-        found.append(smoothed(Mesh(data.points[used], faces)))
+        used, faces = np.unique(data.faces[mask[data.faces[:, 0]]], return_inverse=True)
+        found.append(smoothed(Mesh(data.points[used], faces.reshape(-1, 3))))
         points[used] = found[-1].after.points
     first, done = found[0], replace(data, points=points)
     noise = ", ".join(f"{one.noise.sigma:.3g}" for one in found)
