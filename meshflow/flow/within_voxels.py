@@ -21,7 +21,7 @@ from meshflow.geometry.connectivity import connect
 from meshflow.geometry.normals import mean_edge, normals_at
 from meshflow.geometry.orientation import parts
 from meshflow.geometry.validation import Array
-from meshflow.geometry.volume import volume_gradient
+from meshflow.geometry.volume import volume_gradient, volume_shares
 
 __all__ = ["Between", "Held", "VoxelEdges"]
 
@@ -180,5 +180,4 @@ class Between:
 
 def _volumes(points: Array, faces: Array, own: Array, count: int) -> Array:
     """The volume (count,) that the triangles of each part enclose, by the part (m,) of each."""
-    a, b, c = np.moveaxis((points - points.mean(axis=0))[faces], 1, 0)
-    return np.bincount(own, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0, count)
+    return np.bincount(own, volume_shares(points, faces) / 6.0, count)
