@@ -132,11 +132,12 @@ def moved_less(before: Array, points: Array, nearer: Array, faces: Array) -> Arr
     else:
         found = points
     far = (found != nearer).any(axis=1)
-    for _ in range(BACK if far.any() else 0):
+    for rings in range(BACK if far.any() else 0):
         back = np.where(far[:, None], before, found)
-        if not len(start.harmed(back)):
+        harmed = start.harmed(back)
+        if not len(harmed):
             return back
-        far[faces[far[faces].any(axis=1)]] = True
+        far |= _around(harmed, faces, len(far), rings)
     return found
 
 
